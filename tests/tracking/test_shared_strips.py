@@ -103,7 +103,7 @@ def test_who_comes_and_goes_on_shared_strips_is_found(tmp_path: Path) -> None:
 def test_a_jump_that_a_quick_search_stays_short_of_is_searched_thoroughly(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Sixteen scans, of which the first eight show one object: the quick search explains but five of them."""
+    """Sixteen scans, of which the first eight show one object; in the sixth a corner passes a strip."""
     asked = []
 
     def stretch(scans: RigidScans, distribution: str, *, thorough: bool = False) -> str | None:
@@ -112,6 +112,33 @@ def test_a_jump_that_a_quick_search_stays_short_of_is_searched_thoroughly(
 
     monkeypatch.setattr(lone_ends, "rigid_stretch", stretch)
     k = np.where(np.arange(16)[:, None, None] < 8, 0.3, 0.6) + np.zeros((16, 2, 10))
+    k[5:, 0, 4] += 0.05
     found = lone_ends.lone_ends(RigidScans(ten_strips(), ("kh", "kl"), k, 0.003), "uniform", (False,))
     assert [(some, str(one)) for some, one in found] == [(range(8), "found")]
-    assert asked == [(5, True), (8, False), (5, False), (8, True)]
+    assert asked == [(5, True), (8, False), (8, True)]
+
+
+def test_where_nothing_comes_or_goes_no_end_is_searched(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One object that deforms changes the readings smoothly; what is put down beside one makes them jump."""
+    asked = []
+
+    def stretch(scans: RigidScans, distribution: str, *, thorough: bool = False) -> None:
+        asked.append(len(scans.k))
+
+    monkeypatch.setattr(lone_ends, "rigid_stretch", stretch)
+    smooth = 0.3 + 0.2 * np.linspace(0.0, 1.0, 18)[:, None, None] ** 2 + np.zeros((18, 2, 10))
+    smooth[:, :, 8:] = np.nan
+    smooth[:10, :, 7] = np.nan  # one strip more is touched than before
+    jumps, spreads = smooth.copy(), smooth.copy()
+    jumps[9:, 1, 3] += 0.1
+    spreads[9:, :, :] = 0.4
+
+    def searched(k: FloatArray, *, both: bool = False) -> list[int]:
+        asked.clear()
+        lone_ends.lone_ends(RigidScans(ten_strips(), ("kh", "kl"), k, 0.003), "uniform", both=both)
+        return asked.copy()
+
+    assert searched(smooth) == []
+    assert searched(jumps) == [9, 9]  # all scans before and after it show one object, or there are none such
+    assert searched(jumps, both=True) == [9]  # the first end has none: the last one would be of no use
+    assert len(searched(spreads)) == 2

@@ -17,12 +17,14 @@ from studies.holdout.tracks_set import scene
 from tacstrip.arrays import FloatArray, plain
 from tacstrip.cli import cli
 from tacstrip.core.binding import exported
-from tacstrip.core.rigid import descend, loss
+from tacstrip.core.rigid import RigidScans, descend, loss
 from tacstrip.geometry.moments import moments
 from tacstrip.tracking.episodes import episodes, spanned
 from tacstrip.tracking.geojson import track_collection
 from tacstrip.tracking.rigid.corners import Fit, fitted, recounted, unstuck
 from tacstrip.tracking.rigid.covariance import covariances, information, joint_bound
+from tacstrip.tracking.rigid.offsets import Offsets, channel_offsets, not_ruled_out
+from tacstrip.tracking.rigid.search import Found, likelier
 from tacstrip.tracking.rigid.smooth_path import fit_corners
 from tacstrip.tracking.track import _less_than_half_turns
 
@@ -216,9 +218,45 @@ def test_offsets_of_channels_are_found_along_with_the_shape() -> None:
     (one,) = ts.track(scans, sensor, NOISE)
     assert (one.status, len(one.outline)) == ("ok", 5)
     assert distance(one.outline, CORNERS) < 0.4
+    assert Offsets(off, 0.003, told=8.0).upper == pytest.approx(0.0045)  # known from eight: 25 % uncertain
     often = np.isfinite(np.stack([s["kh"] for s in scans])).mean(axis=0) > 0.8
     for name, true in zip(("kh", "kl"), off, strict=True):
         assert np.std(one.offsets[name][often] - true[often]) < 0.5 * np.std(true[often])
+
+
+@pytest.mark.parametrize(
+    ("scans", "across_mm", "turn", "open_"), [(60, 15.0, 1.0, False), (12, 4.0, 0.2, True)]
+)
+def test_regions_allow_for_offsets_that_the_scans_do_not_rule_out(
+    scans: int, across_mm: float, turn: float, open_: bool
+) -> None:
+    """Readings without offsets: sixty scans over many strips show that; twelve that hardly move do not."""
+    sensor, poses = ten_strips(), sliding(scans, across_mm, 5.0, turn)
+    read = pressed(sensor, CORNERS, poses, NOISE)
+    k = np.stack([np.stack([scan["kh"], scan["kl"]]) for scan in read])
+    several = RigidScans(sensor, ("kh", "kl"), k, 0.005 / np.sqrt(3.0))
+    fit = fitted(several, CORNERS, poses)
+    assert channel_offsets(several, fit) is None
+    assert (not_ruled_out(several, fit) > 0.0) == open_
+
+
+def test_the_fit_without_offsets_is_a_rival_of_that_with_them() -> None:
+    scans, _, poses = rigid_scene("crs-crs", 0.0, 20)
+    fit = fitted(scans, CORNERS, poses)
+    free = Found(fit, np.arange(20))
+    for price, winner in ((5.0, None), (-5.0, "with"), (20.0, None)):
+        with_them = Found(fit, np.arange(20), offsets=Offsets(np.zeros(scans.k.shape[1:]), 0.001, price))
+        found = likelier(scans, with_them, free, "uniform")
+        assert (found.offsets is not None) == (winner == "with")
+        assert len(found.rivals) == (abs(price) < 8.0)  # what explains the readings much worse is none
+
+
+def test_one_signature_of_few_strips_without_a_smooth_path_is_not_confident() -> None:
+    """Free poses take up so much that an outline of seven corners explains what one of eight read."""
+    of = scene("metal", 12, 18)
+    (one,) = ts.track(of.scans, of.unit.sensor, ts.Noise(positional=of.row.level))
+    assert (one.status, one.motion) == ("doubtful", "free")
+    assert "no smooth motion explains" in one.advice
 
 
 def test_a_spline_with_a_knot_per_scan_leaves_poses_free() -> None:

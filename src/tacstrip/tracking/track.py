@@ -31,7 +31,7 @@ from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.episodes import Episode, episodes, only, spanned
 from tacstrip.tracking.rigid.corners import Fit, posed, reflex
 from tacstrip.tracking.rigid.covariance import covariances, information
-from tacstrip.tracking.rigid.offsets import taken_off, with_offsets
+from tacstrip.tracking.rigid.offsets import not_ruled_out, taken_off, with_offsets
 from tacstrip.tracking.rigid.posterior import scatter
 from tacstrip.tracking.rigid.search import (
     FEW_STRIPS,
@@ -88,6 +88,10 @@ _CONCAVE = "the outline is concave: one object, or several that keep together"
 _SMOOTH = (
     "one signature on few strips tells the shape only as far as the motion is smooth: corners and poses may be off by "
     "more than their regions say"
+)
+_NO_PATH = (
+    "one signature on few strips, and no smooth motion explains the scans: the poses take up most of what the scans "
+    "tell of the shape; read both signatures, or move the object smoothly"
 )
 _WANDERS = (
     "errors of channels follow each other from scan to scan: many scans are worth fewer, and a corner may be made of "
@@ -561,7 +565,8 @@ def _together(
         mine = {(s, run.start) for e in group for s, run in zip(e.scans, e.runs, strict=True)}
         if not bent and any(mine & o.places for o in aside):
             continue
-        parts = [part for e in bent for part in _parts(e, read)]
+        both = not objects and len(bent) == 1  # one object by itself shares strips with none
+        parts = [part for e in bent for part in _parts(e, read, both=both)]
         readings = _of_group(group, read)
         first = min((s for e in group for s in e.joint), default=0)
         later = {place for place in mine if place[0] >= first}
@@ -613,7 +618,9 @@ def _suppositions(
             yield _with_parts(objects, last, read, True)
 
 
-def _parts(episode: Episode, read: Readings, ends: tuple[bool, ...] = (False, True)) -> list[Object]:
+def _parts(
+    episode: Episode, read: Readings, ends: tuple[bool, ...] = (False, True), *, both: bool = False
+) -> list[Object]:
     """Return the objects that the first (False) and the last scans of an episode show by themselves."""
     every = RigidScans(
         read.skin.laid_out, read.names, episode.readings(read.k, read.skin.span), read.sigma or GUESS
@@ -628,7 +635,7 @@ def _parts(episode: Episode, read: Readings, ends: tuple[bool, ...] = (False, Tr
             every.of(np.array(some)),
             found,
         )
-        for some, found in lone_ends(every, read.distribution, ends)
+        for some, found in lone_ends(every, read.distribution, ends, both=both)
     ]
 
 
@@ -675,8 +682,10 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
     middle, angle = corners.mean(axis=0), float(fit.poses[first, 2])
     outline, spin = _turned(corners - middle, angle), _turned(np.eye(2), angle)
     equations = information(one.scans, corners, fit.poses)
-    if one.found.offsets is not None:
-        equations = with_offsets(one.scans, fit, equations, one.found.offsets.deviation)
+    offsets = one.found.offsets
+    deviation = offsets.upper if offsets else not_ruled_out(one.scans, fit)
+    if deviation:
+        equations = with_offsets(one.scans, fit, equations, deviation)
     shape, of_poses = covariances(equations, corners, fit.poses, freer_spline(fit.basis))
     wider = _following(one, fit)
     shape = wider**2 * shape
@@ -697,7 +706,7 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
         advice = NOT_RIGID.format(times=times)
     if not explained:
         alone = SingleScans(scans, dict(zip(one.shown, one.runs, strict=True)), sensor, noise)
-    concave = bool(reflex(outline).any())
+    concave, few = bool(reflex(outline).any()), one.scans.strips_touched < FEW_STRIPS
     loosest = math.sqrt(float(shape.diagonal().reshape(-1, 2).sum(axis=1).max()))
     spread = one.found.spread_mm
     size = float(np.ptp(outline, axis=0).max())
@@ -707,6 +716,8 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
         advice = _NOT_TOLD.format(spread=spread)
     elif not advice and _hardly_moved(one, outline, poses[np.isfinite(poses[:, 0])]):
         told, advice = False, _HARDLY_MOVED.format(n=len(one.shown))
+    elif not advice and fit.basis is None and len(one.scans.read) == 1 and few:
+        told, advice = False, _NO_PATH
     if not advice and concave and fit.basis is None:
         loosest = max(loosest, scatter(one.scans, fit))
     if not advice and _DEVIATIONS * loosest > unsure:
@@ -714,7 +725,7 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
     elif not advice and (other := one.found.of_other_count(_COUNTED * sensor.pitch_mm)):
         told, advice = False, _COUNT.format(n=other)
     elif not advice:
-        tied = fit.basis is not None and one.scans.strips_touched < FEW_STRIPS
+        tied = fit.basis is not None and few
         wander = [_WANDERS.format(times=wider)] * (wider > 1.0)
         note = "; ".join([_CONCAVE] * concave + [_SMOOTH] * tied + wander)
     parted = bool(one.joint) and max(one.shown) > min(one.joint)

@@ -34,7 +34,7 @@ _FAR = 2.5  # times a short move
 _ORDERS = (2, 4, 3)  # parts of a turn that may bring an outline onto itself
 _SMOOTH = 0.35  # radians from scan to scan, in the median: an object that moves on
 _JUMP = 12.0  # of chi square: what a jump between such poses has to explain
-_MOST_BAD = 0.8  # of all scans: with more the shape is wrong, not the poses
+MOST_BAD = 0.8  # of all scans: with more the shape is wrong, not the poses
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +96,10 @@ def fitted(
 def pruned(
     scans: RigidScans, corners: FloatArray, poses: FloatArray, basis: FloatArray | None = None
 ) -> list[Fit]:
-    """Return fits of ever fewer corners, from a rough outline of many, down to counts that are out of the question."""
+    """Return fits of ever fewer corners, from a rough outline of many, down to counts that are out of the question.
+
+    One that explains hardly a scan with many corners is out of the question with fewer.
+    """
     while len(corners) > FIRST:
         corners = np.delete(corners, int(_areas(corners).argmin()), axis=0)
     soft = 0.05 * scans.sensor.pitch_mm
@@ -108,6 +111,7 @@ def pruned(
         found.append(fit)
         least = min(f.criterion(scans) for f in found)
         hopeless = len(found) > 3 and fit.criterion(scans) > _HOPELESS * least + _MARGIN
+        hopeless |= len(found) == 1 and len(bad_scans(scans, fit)) > MOST_BAD * len(fit.poses)
         if len(fit.corners) == FEWEST or hopeless:
             return found
         tries = [without(scans, fit, corner, 5) for corner in faintest(fit.corners)]
@@ -361,7 +365,7 @@ def rescued(scans: RigidScans, fit: Fit, rounds: int = 2) -> Fit:
     """Return the fit after a search all round for the poses of scans that it does not explain."""
     for _ in range(rounds if fit.basis is None else 0):
         bad = bad_scans(scans, fit)
-        if not len(bad) or len(bad) > _MOST_BAD * len(fit.poses):
+        if not len(bad) or len(bad) > MOST_BAD * len(fit.poses):
             break
         poses, costs = poses_all_round(scans.of(bad), fit.corners, 0.05 * scans.sensor.pitch_mm)
         better = costs[:, 0] < fit.costs[bad]

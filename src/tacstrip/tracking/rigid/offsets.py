@@ -15,6 +15,7 @@ _FEWEST = 12  # scans that tell an offset from a shape
 _FIRST, _LEAST, _MOST = 0.002, 0.0003, 0.01  # deviation of offsets [Vref]: the first guess, and its limits
 _ROUNDS = 4  # of offsets and fit in turn
 _EVIDENCE = 3.0  # twice the logarithm of how much likelier the readings are with offsets than without
+_RULED_OUT = -6.0  # likewise: odds of 1:20 against offsets
 _DAMPING = 1e-4
 
 
@@ -28,15 +29,26 @@ class Offsets:
         Of signatures and strips (S, n) [Vref]; 0 where nothing is known.
     deviation
         Standard deviation of offsets among the channels [Vref].
+    price
+        How much narrower the readings make them than this, as twice a logarithm: Occam's factor.
+    told
+        How many channels' offsets the readings tell, each counted by how far: what the deviation is known from.
     """
 
     values: FloatArray
     deviation: float
+    price: float = 0.0
+    told: float = np.inf
+
+    @property
+    def upper(self) -> float:
+        """The deviation, and two of what it is uncertain by itself [Vref]: what regions must allow for."""
+        return self.deviation * (1.0 + float(np.sqrt(2.0 / max(self.told, 1.0))))
 
     @property
     def cost(self) -> float:
         """What the values cost beside the readings' chi square."""
-        return float((self.values**2).sum()) / self.deviation**2
+        return float((self.values**2).sum()) / self.deviation**2 + self.price
 
 
 def taken_off(scans: RigidScans, offsets: Offsets | None) -> RigidScans:
@@ -54,18 +66,11 @@ def channel_offsets(
     """
     if known is None and len(scans.k) < _FEWEST:
         return None
-    before, size = fit.cost, fit.corners.size
+    before = fit.cost
     values = np.zeros(scans.k.shape[1:]) if known is None else known.values
     deviation, touched = known.deviation if known else _FIRST, np.isfinite(scans.k).any(axis=0).ravel()
     for _ in range(rounds):
-        rest = replace(scans, k=scans.k - values)
-        found = with_offsets(rest, fit, information(rest, fit.corners, fit.poses), deviation)
-        slope = found.shape_slope.copy()
-        slope[size:] -= values.ravel() / deviation**2
-        matrix, slope, _, _ = without_poses(replace(found, shape_slope=slope), fit.basis, _DAMPING)
-        outline = np.linalg.solve(matrix[:size, :size], np.column_stack([matrix[:size, size:], slope[:size]]))
-        known_of = matrix[size:, size:] - matrix[size:, :size] @ outline[:, :-1]
-        asked = slope[size:] - matrix[size:, :size] @ outline[:, -1]
+        known_of, asked = _alone(scans, fit, values, deviation)
         step = np.linalg.solve(known_of, asked)
         known_of = known_of[np.ix_(touched, touched)]
         price = float(np.linalg.slogdet(deviation**2 * known_of)[1])
@@ -73,12 +78,40 @@ def channel_offsets(
             return None
         values = values + step.reshape(values.shape)
         fit = fitted(replace(scans, k=scans.k - values), fit.corners, fit.poses, 10, basis=fit.basis)
-        own, prior = values.ravel()[touched], deviation
-        deviation = float(np.sqrt((own**2 + np.linalg.inv(known_of).diagonal()).mean()))
+        own, spread, prior = values.ravel()[touched], np.linalg.inv(known_of).diagonal(), deviation
+        deviation = float(np.sqrt((own**2 + spread).mean()))
         deviation = min(max(deviation, _LEAST), _MOST)
-    found_now = Offsets(values, prior)
-    asked_for = known or before - fit.cost - found_now.cost - price > _EVIDENCE
+    found_now = Offsets(values, prior, price, float((1.0 - spread / prior**2).sum()))
+    asked_for = known or before - fit.cost - found_now.cost > _EVIDENCE
     return (found_now, fit) if asked_for else None
+
+
+def _alone(
+    scans: RigidScans, fit: Fit, values: FloatArray, deviation: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the equations of the channels' offsets, with corners and poses that follow them: matrix and slope."""
+    size, rest = fit.corners.size, replace(scans, k=scans.k - values)
+    found = with_offsets(rest, fit, information(rest, fit.corners, fit.poses), deviation)
+    slope = found.shape_slope.copy()
+    slope[size:] -= values.ravel() / deviation**2
+    matrix, slope, _, _ = without_poses(replace(found, shape_slope=slope), fit.basis, _DAMPING)
+    own = np.linalg.pinv(matrix[:size, :size], hermitian=True)  # a corner that no reading sees has none
+    outline = own @ np.column_stack([matrix[:size, size:], slope[:size]])
+    known_of = matrix[size:, size:] - matrix[size:, :size] @ outline[:, :-1]
+    return known_of, slope[size:] - matrix[size:, :size] @ outline[:, -1]
+
+
+def not_ruled_out(scans: RigidScans, fit: Fit) -> float:
+    """Return the deviation of offsets that the readings neither ask for nor rule out [Vref]; 0: they rule them out.
+
+    Regions must allow for offsets of such a size. Of too few scans they are not asked for, and count as ruled out.
+    """
+    if len(scans.k) < _FEWEST:
+        return 0.0
+    known_of, asked = _alone(scans, fit, np.zeros(scans.k.shape[1:]), _FIRST)
+    touched = np.isfinite(scans.k).any(axis=0).ravel()
+    price = float(np.linalg.slogdet(_FIRST**2 * known_of[np.ix_(touched, touched)])[1])
+    return _FIRST if float(asked @ np.linalg.solve(known_of, asked)) - price > _RULED_OUT else 0.0
 
 
 def without_needless_corners(scans: RigidScans, offsets: Offsets, fit: Fit) -> tuple[Offsets, Fit]:

@@ -16,6 +16,7 @@ from tacstrip.geometry.pose import in_frame, placed
 from tacstrip.reconstruction.polygon.goodness_of_fit import chi_square_score
 from tacstrip.tracking.rigid.corners import (
     FIRST,
+    MOST_BAD,
     Fit,
     bad_scans,
     explored,
@@ -49,6 +50,7 @@ _WITHIN_KINKS = 16.0  # likewise of concave ones, which seldom come to rest at t
 _UNLIKELY = 0.05  # odds of another count of corners, against the best fit, that are taken for none
 _LOST = 0.5  # of the scans: a polygon that leaves more will not explain them once it is settled
 _WORTH_SETTLING = 1.6  # times the freedom: fits that may, once they are settled
+_NO_OFFSETS = 50.0  # likewise: offsets do not explain so much
 _SOFT, _HARD = 0.25, 0.1  # pitches that an end of an outline is off
 _COARSE, _FINER, _FINEST = 0.07, 0.023, 0.012  # tolerances of edges, over the outline's radius
 _ROUGH, _SMOOTHER = 0.07, 0.09  # the radii's second differences, likewise
@@ -218,6 +220,7 @@ def search(
     thorough: bool = True,
     begun: Found | None = None,
     starts: Starts | None = None,
+    round_and_round: bool = True,
 ) -> Found:
     """Return the fit of all scans that explains them best, and what else does.
 
@@ -225,7 +228,7 @@ def search(
     one explains the readings. Else along a smooth path first, whose poses are free in the end; where that explains
     the readings badly, and if thorough, with more turns, then without a path. What moves along no smooth path is
     searched for without one first. `offsets`: of channels are looked for. `begun`: what a search that was not thorough
-    found. `starts`: of these scans, where there are some.
+    found. `starts`: of these scans, where there are some. `round_and_round`: it may turn by more than the turns tried.
     """
     starts = starts or (begun and begun.starts) or Starts(scans)
     erratic, free, found = starts.erratic, None, begun
@@ -246,12 +249,22 @@ def search(
         found = _with_offsets(starts, turns, distribution, offsets)
     if not thorough or scans.strips_touched < LEAST_STRIPS:
         return found
-    if not explained(found):
-        more = _polygons(starts, scans, starts.best(_FINE_TURNS, 2 * _KEPT), distribution)
-        found = min(found, more, key=lambda f: f.criterion(scans))
-    if not explained(found):
-        free = free or Found(_without_path(scans), np.arange(len(scans.k)), starts=starts)
-        found = min(found, free, key=lambda f: f.criterion(scans))
+
+    def on_more_turns() -> Found:
+        return _with_offsets(starts, starts.best(_FINE_TURNS, 2 * _KEPT), distribution, offsets)
+
+    def without_path() -> Found:
+        return free or Found(_without_path(scans), np.arange(len(scans.k)), starts=starts)
+
+    if not round_and_round and not erratic:
+        ways = [on_more_turns]
+    elif len(bad_scans(taken_off(scans, found.offsets), found.fit)) > _LOST * len(scans.k):
+        ways = [without_path, on_more_turns]
+    else:
+        ways = [on_more_turns, without_path]
+    for again in ways:
+        if not explained(found):
+            found = min(found, again(), key=lambda f: f.criterion(scans))
     return found
 
 
@@ -262,7 +275,9 @@ def rigid_stretch(scans: RigidScans, distribution: str, *, thorough: bool = Fals
         fits = starts.pruned(starts.best(_TURNS, _KEPT))
         if min(len(bad_scans(starts.few, f)) for f in fits) > _LOST * len(starts.chosen):
             return None
-    found = search(scans, distribution, offsets=False, thorough=thorough, starts=starts)
+    found = search(
+        scans, distribution, offsets=False, thorough=thorough, starts=starts, round_and_round=False
+    )
     return found if content(scans, found.fit, distribution) else None
 
 
@@ -272,9 +287,11 @@ def _with_offsets(
     """Return the polygon that rough outlines become, of readings without what the channels are off."""
     scans = starts.scans
     found = _polygons(starts, scans, turns, distribution, tied)
+    wanted &= found.fit.cost < _NO_OFFSETS * found.fit.freedom(scans)
     asked = channel_offsets(scans, found.fit) if wanted else None
     if asked is None or asked[1].cost > _WORTH_SETTLING * asked[1].freedom(scans):  # it is not offsets, then
         return found
+    without = found
     offsets, _ = without_needless_corners(scans, *asked)
     found = _polygons(starts, taken_off(scans, offsets), turns, distribution, tied)
     asked = channel_offsets(scans, found.fit, offsets)
@@ -285,7 +302,17 @@ def _with_offsets(
         settled(rest, fitted(rest, f.corners, f.poses, basis=f.basis))
         for f in (best, found.fit, *(f for f, _ in found.rivals))
     ]
-    return replace(_compared(rest, again, distribution), offsets=offsets, starts=starts)
+    free = replace(_compared(rest, again, distribution), offsets=offsets, starts=starts)
+    return likelier(scans, free, without, distribution)
+
+
+def likelier(scans: RigidScans, a: Found, b: Found, distribution: str) -> Found:
+    """Return what explains the scans better, with and without offsets, and the other as its rival where it may be."""
+    best, other = sorted((a, b), key=lambda f: f.criterion(scans))
+    worse = other.criterion(scans) - best.criterion(scans)
+    if worse > _WITHIN or not content(taken_off(scans, other.offsets), other.fit, distribution):
+        return best
+    return replace(best, rivals=(*best.rivals, (other.fit, worse)))
 
 
 def needs_smooth_motion(scans: RigidScans) -> bool:
@@ -410,7 +437,10 @@ def _on_all(scans: RigidScans, chosen: IntArray, fit: Fit) -> Fit:
         fit = fitted(scans, rough.corners, rough.poses)
     else:
         fit = fitted(scans, fit.corners, poses)
-    return unstuck(scans, settled(scans, rescued(scans, fit)))
+    fit = rescued(scans, fit)
+    if fit.basis is None and len(bad_scans(scans, fit)) > _LOST * len(scans.k):
+        return fit
+    return unstuck(scans, settled(scans, fit))
 
 
 def _without_path(scans: RigidScans) -> Fit:
@@ -430,10 +460,13 @@ def _without_path(scans: RigidScans) -> Fit:
             path = Path(path.radii, _wrapped(near[:, 0]), free, np.inf)
             path = fit_path(few, path, 10, tolerance=tolerance, cauchy=3.0, rough=_ROUGH, end=0.1)
         fit = min(pruned(few, path.corners, path.poses), key=lambda f: f.criterion(few))
-        fit = settled(few, rescued(few, fit))
+        hopeless = len(bad_scans(few, fit)) > MOST_BAD * len(chosen)
+        if not hopeless:
+            fit = settled(few, rescued(few, fit))
         if best is None or fit.criterion(few) < best.criterion(few):
             best = fit
-        if fit.cost < _SATISFIED * fit.freedom(few):
+        # one scan of many strips shows an outline that explains others, if it is rigid
+        if fit.cost < _SATISFIED * fit.freedom(few) or (hopeless and scans.k.shape[2] > _MANY_STRIPS):
             break
     assert best is not None
     if len(chosen) < total:

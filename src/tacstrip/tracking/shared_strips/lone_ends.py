@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.core.rigid import RigidScans
-from tacstrip.tracking.rigid.search import Found, rigid_stretch
+from tacstrip.tracking.rigid.search import LEAST_STRIPS, Found, Starts, rigid_stretch
 
 FEWEST = 5  # scans of a stretch
 _MOST, _JUMP = (
@@ -14,13 +14,23 @@ _MOST, _JUMP = (
     3.0,
 )  # sigmas that a strip counts at most; times the usual change, and sigmas more, that is a jump
 _JUMPS, _PARTS = 3, (2, 3, 4, 6)  # jumps that are tried, and parts of all scans
+_SUDDEN, _NEW = (
+    6.0,
+    LEAST_STRIPS,
+)  # sigmas of one reading, and strips side by side, that change from scan to scan
 
 
 def lone_ends(
-    scans: RigidScans, distribution: str, ends: tuple[bool, ...] = (False, True)
+    scans: RigidScans, distribution: str, ends: tuple[bool, ...] = (False, True), *, both: bool = False
 ) -> list[tuple[range, Found]]:
-    """Return the scans at the beginning (False) and at the end that one rigid outline each explains, and these."""
+    """Return the scans at the beginning (False) and at the end that one rigid outline each explains, and these.
+
+    `both`: one end without the other is of no use. None are searched for where nothing comes or goes.
+    """
     found: list[tuple[range, Found]] = []
+    changes = _sudden_changes(scans)
+    if not len(changes):
+        return found
     total = len(scans.k)
     jumps = _jumps(scans)
     for from_end in ends:
@@ -28,19 +38,25 @@ def lone_ends(
             {n for j in jumps if FEWEST <= (n := total - j if from_end else j) < total}, reverse=True
         )
         parts = [n for p in _PARTS if (n := total // p) >= FEWEST and n not in cuts]
-        lengths = [*cuts, *parts]
-        # what explains a stretch explains its parts: where the shortest fails, all others do
-        if lengths and _longest(scans, [min(lengths)], from_end, distribution, thorough=True) is None:
+        if not (lengths := [*cuts, *parts]):
             continue
-        best = _longest(scans, lengths, from_end, distribution)
-        least = 0 if best is None else len(best[0])
+        # what explains a stretch explains its parts: where the shortest fails, all others do; and up to the first
+        # sudden change all scans show one object
+        first = total - int(changes[-1]) if from_end else int(changes[0])
+        shortest = max(min(lengths), min(first, max(lengths)))
+        best = _longest(scans, [shortest], from_end, distribution, thorough=True)
+        if best is None:
+            if both:
+                break
+            continue
+        best = _longest(scans, [n for n in lengths if n > shortest], from_end, distribution) or best
+        least = len(best[0])
         if (
             least not in cuts
         ):  # a jump says where a stretch ends: a search may have failed that stays short of it
             more = [n for n in cuts[::-1] if n > least]
             best = _longest(scans, more, from_end, distribution, thorough=True) or best
-        if best is not None:
-            found.append(best)
+        found.append(best)
     if len(found) == 2 and found[0][0].stop > found[1][0].start:
         return found[:1]
     return found
@@ -57,6 +73,25 @@ def _longest(
         if one is not None:
             return some, one
     return None
+
+
+def _sudden_changes(scans: RigidScans) -> IntArray:
+    """Return the scans in which something may be put down beside an object, or lifted; all, where it moves erratically.
+
+    A strip that another object begins to cover jumps by their distance and its width, or new strips are touched, while
+    the readings of one that deforms or moves on change as in the scans before and after.
+    """
+    if Starts(scans).erratic:
+        return np.arange(1, len(scans.k))
+    change = np.nan_to_num(np.abs(np.diff(scans.k, axis=0)) / scans.sigma)
+    beside = np.zeros_like(change)
+    beside[1:] = change[:-1]
+    beside[:-1] = np.maximum(beside[:-1], change[1:])
+    touched = np.asarray(np.isfinite(scans.k).any(axis=1))
+    new: IntArray = np.cumsum(touched[1:] != touched[:-1], axis=1)
+    many = new[:, _NEW - 1 :] - np.pad(new, ((0, 0), (1, 0)))[:, :-_NEW]
+    jumps = (change > _SUDDEN + 2.0 * beside).any(axis=(1, 2))
+    return np.flatnonzero(jumps | (many == _NEW).any(axis=1)) + 1
 
 
 def _jumps(scans: RigidScans) -> list[int]:
