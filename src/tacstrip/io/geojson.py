@@ -179,6 +179,8 @@ def _feature(recovered: RecoveredObject | None, properties: dict[str, Any]) -> d
 
 def _alternative(other: Alternative) -> dict[str, Any]:
     found = {"weight": round(other.weight, 4), "vertices_mm": plain(other.vertices, 6)}
+    if other.others:
+        found["others_mm"] = [plain(outline, 6) for outline in other.others]
     return found if other.pose is None else found | {"pose": _pose(other.pose)}
 
 
