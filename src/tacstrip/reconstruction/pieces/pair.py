@@ -22,9 +22,10 @@ from tacstrip.core.convex_chain import convex_regression, lower_hull
 
 # Deviations by which what is seen of one object may reach into the other, or beyond the readings.
 _SLACK = 3.0
-# The prior: two objects are as likely as a concave one; of these so many are laid with edges along the strips; that one
-# of two objects begins, or ends, within a strip of the other has a probability of so much over the strips.
-_UPRIGHT, _WITHIN_A_STRIP = 0.2, 4.0
+# The prior: two objects are as likely as a concave one, of which so many have an overhang, or edges along the strips;
+# that one of two begins, or ends, within a strip of the other has a probability of so much over the strips; a contact of one
+# object is pointed there, by so many pitches a strip, as often as it has any other width.
+_OVERHANG, _WITHIN_A_STRIP, _POINTED = 0.2, 2.0, 2.0
 _LEAST = 0.01  # probability of two objects that is told
 
 
@@ -98,7 +99,7 @@ def likeliest_pair(
     )
     for both in _places(n, places):
         # Where the lower object is, l is its; where the upper one is, u is its; elsewhere the other's.
-        most, more, parts = -math.log(_UPRIGHT), -least, ([], [])  # type: float, float, tuple[list[FloatArray], ...]
+        most, more, parts = math.log(4.0 / _OVERHANG), -least, ([], [])  # type: float, float, tuple[list[FloatArray], ...]
         for (side, place), inside in product(enumerate(both), (True, False)):
             if most - 0.5 * max(more, 0.0) <= best:
                 break
@@ -142,24 +143,29 @@ def _log_odds(ends: Ends, both: _Places, parts: _Chains) -> float:
     """Return the log odds of two objects so placed to a concave one, but for what each leaves of the readings.
 
     Of two objects one begins at any height beside the other; that it does so within a strip is a coincidence. An edge
-    of a concave object may have any direction: that it rises far within a pitch is one, unless the object lies upright.
+    of a concave object may have any direction: that it rises far within a pitch is one, unless the object overhangs.
     """
     n, height = len(ends.x), float(np.ptp(ends.y))
-    within = sum(
-        math.log(min(_WITHIN_A_STRIP / n, 1.0)) for begin in zip(*both, strict=True) if begin[0] == begin[1]
-    )
-    of_two, of_concave, upright = within, 0.0, 0.0
+    of_two, of_concave, overhang = 0.0, 0.0, 0.0
+    for at, outermost in zip(zip(*both, strict=True), (max, min), strict=True):
+        if abs(at[0] - at[1]) <= 1 and (min(at) == 0 or max(at) == n):
+            strip = outermost(at) - (outermost is min)
+            wide = float(ends.y[1, strip] - ends.y[0, strip])
+            pointed = _at_any_angle(wide, _POINTED * (1 + abs(at[0] - at[1])) * ends.pitch) * height
+            of_two += math.log(min(_WITHIN_A_STRIP / n, 1.0)) - math.log(0.5 + 0.5 * pointed)
     for side, place in enumerate(both):
         for strip in place:
-            if strip in (1, n - 1):  # any end's edge may cross the outer strip alone
-                of_two += math.log(min(_WITHIN_A_STRIP / n, 1.0))
-            elif 0 < strip < n:
-                step, wide = _step(ends, side, strip, place, parts[side])
+            if 1 < strip < n - 1:  # at the outer strip an edge of any contact may be as steep
                 of_two -= math.log(height)
-                upright -= math.log(height)
-                of_concave += math.log(2.0 / math.pi * wide / (wide**2 + step**2))
-    concave = np.logaddexp(math.log(1.0 - _UPRIGHT) + of_concave, math.log(_UPRIGHT) + upright)
+                overhang -= math.log(height)
+                of_concave += math.log(_at_any_angle(*_step(ends, side, strip, place, parts[side])))
+    concave = np.logaddexp(math.log(1.0 - _OVERHANG) + of_concave, math.log(_OVERHANG) + overhang)
     return of_two - float(concave)
+
+
+def _at_any_angle(rise: float, run: float) -> float:
+    """Return the probability density of a rise over so long a run, of lines in all directions."""
+    return 2.0 / math.pi * run / (run**2 + rise**2)
 
 
 def _step(
@@ -173,10 +179,10 @@ def _step(
     rise, run = y[strip] - y[strip - 1], x[strip] - x[strip - 1]
     beside = [i for i in (strip - 2, strip) if 0 <= i < n - 1 and inside[i] == inside[i + 1]]
     steps = [rise - slopes[i] * run for i in beside] or [rise]
-    step = (
-        0.0 if min(steps) < 0.0 < max(steps) else min(map(abs, steps))
-    )  # lines that cross there are a corner
-    return step, math.hypot(ends.pitch, *ends.sigma[side, [strip - 1, strip]])
+    crossing = min(steps) < 0.0 < max(steps)  # of the lines: a corner
+    return 0.0 if crossing else min(map(abs, steps)), math.hypot(
+        ends.pitch, *ends.sigma[side, [strip - 1, strip]]
+    )
 
 
 def _shown(ends: Ends, both: _Places, parts: _Chains) -> tuple[FloatArray, FloatArray] | None:
