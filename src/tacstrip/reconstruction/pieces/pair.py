@@ -23,8 +23,8 @@ from tacstrip.core.convex_chain import convex_regression, lower_hull
 # Deviations by which what is seen of one object may reach into the other, or beyond the readings.
 _SLACK = 3.0
 # The prior: two objects are as likely as a concave one, of which so many have an overhang, or edges along the strips;
-# that one of two begins, or ends, within a strip of the other has a probability of so much over the strips; a contact of one
-# object is pointed there, by so many pitches a strip, as often as it has any other width.
+# that one of two begins, or ends, within a strip of the other has a probability of so much over the strips; a contact
+# of one object is pointed there, by so many pitches a strip, as often as it has any other width.
 _OVERHANG, _WITHIN_A_STRIP, _POINTED = 0.2, 2.0, 2.0
 _LEAST = 0.01  # probability of two objects that is told
 
