@@ -91,3 +91,48 @@ def test_a_stuck_channel_is_still_left_out() -> None:
     found = ts.fit_polygon(ts.Scan(kh=scan["kh"], kl=kl), SENSOR, NOISE, assessment="fast").objects[0]
     assert found.status == "ok"
     assert "strip 20 (k_l = 0.05)" in found.advice
+
+
+# One triangle above another, on 20 strips: a polygon follows both with two steep edges.
+_TWENTY = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=5.0, length_mm=100.0)
+_PAIR = Polygon([(20, 20), (45, 25), (30, 50)]), Polygon([(35, 60), (70, 55), (60, 80)])
+
+
+def test_a_concave_outline_of_two_triangles_is_doubted_with_both_as_the_alternative() -> None:
+    found = _fitted(*_PAIR, sensor=_TWENTY, noise=ts.Noise(positional=0.005))
+    assert found.status == "doubtful"
+    assert "two objects on the same strips explain the readings too" in found.advice
+    likeliest = found.alternatives[0]
+    assert likeliest.weight > 0.5
+    assert found.confidence is not None
+    assert found.confidence < 1.0 - likeliest.weight + 0.01
+    for shown, truth in zip((likeliest.vertices, *likeliest.others), _PAIR, strict=True):
+        assert Polygon(shown).difference(truth.buffer(4.0)).area < 0.02 * truth.area
+        assert Polygon(shown).area > 0.4 * truth.area  # what other strips show of it
+
+
+def test_both_objects_of_an_alternative_are_written_and_drawn() -> None:
+    from matplotlib.figure import Figure
+
+    from tacstrip.io import feature_collection
+
+    noise = ts.Noise(positional=0.005)
+    scan = ts.simulate(_TWENTY, ts.Contact(_PAIR), noise, rng=1)
+    found = ts.fit_polygon(scan, _TWENTY, noise, assessment="fast")
+    other = found.objects[0].alternatives[0]
+    written = feature_collection([found])["features"][0]["properties"]["alternatives"][0]
+    np.testing.assert_allclose(written["others_mm"], other.others, atol=1e-5)
+    axes = Figure().add_subplot()
+    ts.plot.result(found, _TWENTY, ax=axes)
+    labels = [line.get_label() for line in axes.lines]
+    assert labels.count(f"alternative: {other.weight:.2f}") == 1
+    drawn = [np.column_stack(line.get_data())[:-1] for line in axes.lines]
+    assert any(line.shape == other.others[0].shape and np.allclose(line, other.others[0]) for line in drawn)
+
+
+def test_inward_corners_without_a_jump_are_hardly_two_objects() -> None:
+    for degrees in (0.0, 120.0):
+        found = _fitted(_placed(DART, degrees))
+        assert found.confidence is not None
+        assert found.confidence > 0.9
+        assert sum(other.weight for other in found.alternatives if other.others) < 0.1

@@ -87,7 +87,8 @@ def feature_collection(results: Sequence[Reconstruction]) -> dict[str, Any]:
         the longer principal axis, from x). Where the shape has a covariance, standard deviations:
         area_sigma_mm2, centroid_sigma_mm, orientation_sigma_rad, and vertex_sigma_mm, x and y of every vertex;
         null for what the readings do not determine. Where it was assessed, confidence, and alternatives: other
-        outlines that explain the readings, each with weight and vertices_mm. Of pieces: hidden, a truth value per
+        outlines that explain the readings, each with weight and vertices_mm, and where it is of two objects the
+        other's in others_mm. Of pieces: hidden, a truth value per
         corner, hidden_edges, one per edge from each corner to the next, and of those that are hidden in part
         smallest_mm and largest_mm, the outlines between which they lie. Of two layers: hidden, whether no
         reading determines a vertex, and other_scenes_mm, the outlines of other scenes that explain the readings.
@@ -179,6 +180,8 @@ def _feature(recovered: RecoveredObject | None, properties: dict[str, Any]) -> d
 
 def _alternative(other: Alternative) -> dict[str, Any]:
     found = {"weight": round(other.weight, 4), "vertices_mm": plain(other.vertices, 6)}
+    if other.others:
+        found["others_mm"] = [plain(outline, 6) for outline in other.others]
     return found if other.pose is None else found | {"pose": _pose(other.pose)}
 
 

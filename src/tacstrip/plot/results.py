@@ -404,10 +404,12 @@ def _draw_shapes(
             else:
                 draw_piece(axes, found, colour, drawn.label)
             for k, other in enumerate(found.alternatives if with_regions else ()):
-                ring = np.concatenate([other.vertices, other.vertices[:1]])
                 label = f"alternative: {other.weight:.2f}"
                 dashes = (0, (1, 1 + k))  # dotted: what is doubtful is dashed
-                axes.plot(*ring.T, color=colour, linestyle=dashes, linewidth=1.0, label=label, zorder=3.5)
+                for outline in (other.vertices, *other.others):
+                    ring = np.concatenate([outline, outline[:1]])
+                    axes.plot(*ring.T, color=colour, linestyle=dashes, linewidth=1.0, label=label, zorder=3.5)
+                    label = ""
             if sensor.closed and found.vertices[:, 0].max() > sensor.width_mm:  # it goes on beyond the seam
                 again = found.vertices - (sensor.width_mm, 0.0)
                 draw_polygon(axes, again, colour, status=found.status)

@@ -76,11 +76,14 @@ class Alternative:
         Its corners (N, 2) [mm], counter-clockwise.
     pose
         Of a known object, else None.
+    others
+        Outlines (M, 2) [mm] of the other objects, where it is several; of these only what is seen.
     """
 
     weight: float
     vertices: FloatArray
     pose: Pose | None = None
+    others: tuple[FloatArray, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -61,8 +61,11 @@ def _object(one: LiveObject, sensor: Sensor) -> dict[str, Any]:
     if shape.confidence is not None:
         drawn["confidence"] = round(shape.confidence, 3)
     if shape.alternatives:
-        others = [(round(a.weight, 3), plain(a.vertices, 3)) for a in shape.alternatives]
-        drawn["alternatives"] = [{"weight": weight, "vertices": vertices} for weight, vertices in others]
+        drawn["alternatives"] = [
+            {"weight": round(a.weight, 3), "vertices": plain(a.vertices, 3)}
+            | ({"others": [plain(outline, 3) for outline in a.others]} if a.others else {})
+            for a in shape.alternatives
+        ]
     edges = shape.hidden_edges
     if edges is None and shape.hidden is not None:  # of two layers: those that end where no reading tells
         edges = shape.hidden | np.roll(shape.hidden, -1)

@@ -1,14 +1,9 @@
-"""Is a contact that both signatures tell one object? Convex l and u nearest to the readings, and where an end jumps.
-
-Two objects on the same strips read as their hull: where the second one begins, and where the first of both ends, l or u
-jumps between two strips, and elsewhere both are convex. An inward corner of a concave object is continuous; behind an
-overhang an end jumps too, but once, unless there is one at either side.
-"""
+"""Is a contact that both signatures tell one convex object? Convex l and u nearest to the readings."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -24,10 +19,7 @@ from tacstrip.sensor.spec import Sensor
 
 _POINTS = 60  # at most, that the regression sees: a mean of a convex function's neighbours is convex too
 _ROUNDS = 3  # of l with u as it is, and u with l
-# Pitches from an inward corner to the jump that it belongs to; nearer to an end no jump is resolved.
-_NEAR = 1.6
 _GAP = 0.02  # of L: objects nearer to each other are one
-_LEAST, _CLEAR = 0.005, 4.0  # of L, and of sigma: a jump that a polygon's ends show
 _STAYS, _RAIL = 4.0, 3.0  # deviations: an end is where it was; a reading is none of ground or Vref
 _OUTER = 3  # strips at either end
 _ALARM = 3.09  # deviations of chi square: p = .001
@@ -58,30 +50,7 @@ class ConvexFit:
         return bool(score <= _ALARM)
 
 
-@dataclass(frozen=True)
-class Jump:
-    """An end of the contact that jumps between two strips, or may.
-
-    Attributes
-    ----------
-    chain
-        0: l, 1: u.
-    strips
-        The strip to its right, counted in the run; of an inward corner that may hide one, the strips to the right of
-        where it may be.
-    rise
-        By how much more the end rises than beside the jump, over L; 0: an inward corner, or too near to the run's end.
-    begins
-        Whether an object, or an overhang, begins there; False: one ends; None: either.
-    """
-
-    chain: int
-    strips: tuple[int, ...]
-    rise: float
-    begins: bool | None
-
-
-def fit_convex(problem: FitProblem, l: FloatArray, u: FloatArray, jumps: Sequence[Jump] = ()) -> ConvexFit:
+def fit_convex(problem: FitProblem, l: FloatArray, u: FloatArray) -> ConvexFit:
     """Fit a convex l and a concave u, whatever their kinks, by least squares.
 
     Parameters
@@ -90,19 +59,14 @@ def fit_convex(problem: FitProblem, l: FloatArray, u: FloatArray, jumps: Sequenc
         Readings and weights of two signatures.
     l, u
         A fit (n,), in units of the problem, near which readings are taken for linear.
-    jumps
-        Where l and u are convex and concave on either side only.
     """
     by_l, by_u, k = problem.jacobian(l, u)
     jacobian = np.stack([by_l, by_u], axis=-1)  # (S, n, 2)
     weighted = problem.weight[..., None] * jacobian
     matrix = np.einsum("sni,snj->nij", weighted, jacobian)
     slope = np.einsum("sni,sn->ni", weighted, problem.k - k)
-    regular = np.linspace(0, len(l), min(len(l), _POINTS) + 1).round().astype(int)[1:-1]
-    breaks = [sorted({i for j in jumps if j.chain == c for i in j.strips}) for c in (0, 1)]
-    cuts = np.union1d(regular, breaks[0] + breaks[1]).astype(int)
+    cuts = np.linspace(0, len(l), min(len(l), _POINTS) + 1).round().astype(int)[1:-1]
     groups = np.split(np.arange(len(l)), cuts)
-    pieces = [np.flatnonzero(np.isin(cuts, breaks[c])) + 1 for c in (0, 1)]
     x = np.array([problem.x[g].mean() for g in groups])
     m = np.stack([matrix[g].sum(axis=0) for g in groups])
     near = np.stack([l, u], axis=1)
@@ -113,22 +77,20 @@ def fit_convex(problem: FitProblem, l: FloatArray, u: FloatArray, jumps: Sequenc
         for c, sign in ((0, 1.0), (1, -1.0)):
             own = np.maximum(m[:, c, c], np.finfo(float).tiny)
             target = z[:, c] - m[:, c, 1 - c] / own * (found[:, 1 - c] - z[:, 1 - c])
-            kinks[c] = 2 * len(pieces[c])
-            for p in np.split(np.arange(len(x)), pieces[c]):
-                found[p, c], more = convex_regression(x[p], target[p], own[p], sign)
-                kinks[c] += more
+            found[:, c], kinks[c] = convex_regression(x, target, own, sign)
     off = found - z
     chi = float(np.einsum("ni,nij,nj->", off, m, off))
     return ConvexFit(x, found.T, chi, max(2 * len(x) - sum(kinks) - 4, 1))
 
 
-def turns_inwards(fit: PolygonFit) -> bool:
-    """Whether a corner of a polygon turns inwards."""
-    for sign, chain in zip((1.0, -1.0), fit.chains, strict=True):
-        slopes = [sign * _slope(x1 - x0, y1 - y0) for (x0, y0), (x1, y1) in pairwise(chain.tolist())]
-        if any(after < before for before, after in pairwise(slopes)):
-            return True
-    return False
+def inward_corners(fit: PolygonFit) -> tuple[list[float], list[float]]:
+    """Return x of the corners of l, and of u, that turn inwards, in units of the problem."""
+    found: tuple[list[float], list[float]] = ([], [])
+    for sign, chain, at in zip((1.0, -1.0), fit.chains, found, strict=True):
+        points = chain.tolist()
+        slopes = [sign * _slope(x1 - x0, y1 - y0) for (x0, y0), (x1, y1) in pairwise(points)]
+        at += [points[i + 1][0] for i, (before, after) in enumerate(pairwise(slopes)) if after < before]
+    return found
 
 
 def _slope(run: float, rise: float) -> float:

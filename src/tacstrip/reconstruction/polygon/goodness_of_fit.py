@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from itertools import pairwise
 
 import numpy as np
 
@@ -18,8 +19,9 @@ from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.contact_ends import closed_ends
 from tacstrip.reconstruction.noise_covariance import CorrelatedErrors
 from tacstrip.reconstruction.pieces.chain import Cut
+from tacstrip.reconstruction.pieces.pair import Ends, Pair, likeliest_pair
 from tacstrip.reconstruction.pieces.run import RunPieces, noise_level, split_run
-from tacstrip.reconstruction.polygon.convexity import fit_convex, one_end_off, turns_inwards
+from tacstrip.reconstruction.polygon.convexity import fit_convex, inward_corners, one_end_off
 from tacstrip.reconstruction.polygon.run import RunFit
 from tacstrip.sensor.spec import Sensor
 
@@ -30,6 +32,9 @@ _RIVAL = -6.0  # an ellipse whose criterion is worse by less than this is a riva
 _REFLEX = 3.0  # standard deviations by which a corner turns inwards
 _FAINT = 0.01  # of sigma^2
 _APART = 3.0  # standard deviations of their distance in x by which two corners are told apart
+_NEAR_CORNER = 2  # strips from an inward corner to where an object may begin or end
+# Inward corners far from each other: where two objects begin and end they have two, and what noise adds.
+_EVENTS = 4
 _HIDDEN = 0.55  # of an outline, behind an overhang: more, and the shape is not known
 _NEARLY = 0.9  # IoU with convex ends that explain the readings
 _NOISIER = 3.0  # times the noise given: neighbours that differ by so much are noise, not jumps
@@ -120,34 +125,36 @@ def second_look(
     sensor: Sensor,
     wrong: str,
     readings: Mapping[str, FloatArray],
-) -> str:
-    """Return advice, or none, on an outline of two signatures, of which `wrong` was said.
+) -> tuple[str, Pair | None]:
+    """Return advice, or none, on an outline of two signatures, of which `wrong` was said, and two objects it may be.
 
     Two signatures tell l and u of every strip. Where convex ones explain them that the outline hardly differs from, it
     is curved, and no polygon need explain it. Where none do, it is concave, or there are several objects.
     """
     selection = run.selection
     if len(run.problem.k) == 1 or selection is None:
-        return wrong
+        return wrong, None
     problem, fit = run.problem, selection.chosen
+    inward = inward_corners(fit)
     if one_end_off(run, sensor, readings):
-        return wrong or (
+        wrong = wrong or (
             "what was left out may be of a second object, or of an overhang: it moves one end of the contact and "
             "leaves the other, as a faulty channel hardly does; if one is faulty, leave it out by name (--without)"
         )
+        return wrong, None
     sigma = run.sigma
     if distribution is None or wrong:
         level = noise_level(np.stack([readings["kh"], readings["kl"]]), sensor)
         if distribution is None:
             sigma = min(sigma, level)
         elif level > _NOISIER * sigma:
-            return wrong  # of readings that scatter more than the noise given, jumps tell nothing
-    if not (wrong or run.excluded.any() or turns_inwards(fit) or sigma < _SMOOTHED * run.sigma) or (
+            return wrong, None  # of readings that scatter more than the noise given, jumps tell nothing
+    if not (wrong or run.excluded.any() or any(inward) or sigma < _SMOOTHED * run.sigma) or (
         distribution is None and run.sigma > MOST_SIGMA
     ):
-        return wrong
+        return wrong, None
     if not np.isfinite(sum(readings.values())).any():
-        return wrong  # no strip has both its ends: nothing tells pieces
+        return wrong, None  # no strip has both its ends: nothing tells pieces
     pieces = _pieces_of(run, sensor, readings, sigma)
     apart = pieces.apart
     ends = fit.ends(problem.x)
@@ -156,10 +163,11 @@ def second_look(
         own = np.stack(
             [np.interp(x, *chain.T) / sensor.length_mm for chain in (outline.lower, outline.upper)]
         )
-        return "" if column_iou(own, np.sort(convex.ends, axis=0)) >= _NEARLY else wrong
+        return "" if column_iou(own, np.sort(convex.ends, axis=0)) >= _NEARLY else wrong, None
     if wrong:
         more = f"; at least {pieces.count} convex pieces explain the readings"
-        return wrong if pieces.count == 1 else wrong + more
+        return wrong if pieces.count == 1 else wrong + more, None
+    pair = _pair_of(run, sensor, pieces, inward)
     jumps = [cut for _, cut in pieces.cuts if cut.kind != "corner"]
     step = max((cut.rise for cut in jumps), default=0.0)
     jump = f"an end jumps by {step:.3g} mm from one strip to the next"
@@ -168,15 +176,15 @@ def second_look(
         return (
             f"the contact is concave or at least two objects on the same strips: {at}; at least {pieces.count} convex "
             "pieces (`--method pieces`, ts.pieces) explain the readings; if it is one object, keep this outline"
-        )
+        ), pair
     area = moments(outline.vertices)[0]
     hidden = max((_behind(cut, pieces.read.x) / area for cut in jumps), default=0.0)
     if hidden > _HIDDEN:
         return (
             f"the contact is concave, or several objects on the same strips: {at}, and behind such an overhang "
             f"{100.0 * min(hidden, 1.0):.0f} % of the outline or more may not be touched; turn the object"
-        )
-    return ""
+        ), pair
+    return "", pair
 
 
 def _pieces_of(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray], sigma: float) -> RunPieces:
@@ -188,6 +196,28 @@ def _pieces_of(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray], 
     with np.errstate(divide="ignore", invalid="ignore"):
         l, u = closed_ends(sensor, used[0], used[1])
     return split_run(sensor, x, l, u, sigma)
+
+
+def _pair_of(
+    run: RunFit, sensor: Sensor, pieces: RunPieces, inward: tuple[list[float], list[float]]
+) -> Pair | None:
+    """Return the two objects that may be taken for one concave one, of which corners turn inwards."""
+    of_l, of_u = pieces.chains
+    read = np.isfinite(of_l.y)
+    x = run.problem.x[read]
+    y, sigma = np.stack([of_l.y, -of_u.y]), 1.0 / np.sqrt([of_l.weight, of_u.weight])
+    ends = Ends(of_l.x[read], y[:, read], sigma[:, read], sensor.pitch_mm)
+    right = [np.searchsorted(x, corners).tolist() for corners in inward]
+    every = sorted(i for at in right for i in at)
+    if sum(after - before > 2 * _NEAR_CORNER for before, after in pairwise([-math.inf, *every])) > _EVENTS:
+        return None
+    strips = np.cumsum(read) - 1
+    near = []
+    for side, at in enumerate(right):
+        close = {i + off for i in at for off in range(-_NEAR_CORNER, _NEAR_CORNER + 1)}
+        close |= {int(strips[cut.strip]) for of, cut in pieces.cuts if of == side} | {1, len(x) - 1}
+        near.append(sorted(i for i in close if 0 < i < len(x)))
+    return likeliest_pair(ends, near, right)
 
 
 def _behind(cut: Cut, x: FloatArray) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -33,7 +33,7 @@ from tacstrip.reconstruction.posterior.assessment import (
     Effort,
     assess,
 )
-from tacstrip.reconstruction.result import Profile, RecoveredObject, Status
+from tacstrip.reconstruction.result import Alternative, Profile, RecoveredObject, Status
 from tacstrip.reconstruction.set_membership.edge_lines import ReadingBounds
 from tacstrip.reconstruction.set_membership.estimate import Bounded, fewest
 from tacstrip.scan import Scan
@@ -49,6 +49,7 @@ _WORSE, _FEWER = 20.0, 0.0  # of the criterion: so much worse, more vertices, or
 _CORNERS = 12  # at most: the search for a set grows with them
 _FAR_AREA = 3.0  # deviations between an area that was given and the one that the readings say
 _NAMED = 5  # strips that advice names
+_RATHER_TWO, _NOTED = 0.5, 0.05  # probability of two objects: more, and the count is wrong; less is not told
 _FAINT = "no corner could be distinguished from noise: a line fits as well as the triangle that is given; {}, or {}"
 _EMPTY = (
     "no polygon stays within the noise's bound on every strip: the noise is larger than given, or the contact is no "
@@ -151,7 +152,7 @@ def reconstruct_object(
     errors = _errors(scan, sensor, contact, noise, outline)
     slopes = covariance if guarantee is not None else _by_slopes(model, run, sensor, covariance)
     wrong = misfit(run, distribution, slopes, errors) or (_EMPTY if empty else _MANY if many else "")
-    wrong = second_look(run, distribution, outline, sensor, wrong, contact.readings)
+    wrong, pair = second_look(run, distribution, outline, sensor, wrong, contact.readings)
     assessed = assess(
         run, sensor, outline, covariance, noise is not None, effort, area_mm2, contact.known_count
     )
@@ -179,6 +180,18 @@ def reconstruct_object(
     wrong = wrong or _uncounted(contact, fit, assessed, noise is not None)
     if area_mm2 is not None and not wrong:
         wrong = _other_area(outline, covariance, area_mm2)
+    # A confidence takes the readings for explained.
+    confidence, alternatives = None if wrong else assessed.confidence, assessed.alternatives
+    if pair is not None:
+        right = pair.overlap(outline.vertices) >= PROMISED_IOU
+        if confidence is not None and not right:
+            confidence *= 1.0 - pair.probability
+        two = Alternative(pair.probability, pair.lower, others=(pair.upper,))
+        rest = (replace(a, weight=a.weight * (1.0 - pair.probability)) for a in alternatives)
+        alternatives = tuple(sorted((two, *rest), key=lambda a: -a.weight))
+        if not wrong:
+            wrong, note = _two_objects(pair.probability, right, 1.0 if confidence is None else confidence)
+            notes.insert(0, note)
     status, advice = _verdict(wrong, weak, assessed, effort, second, averaging, area_mm2 is not None)
     profile = (x, np.interp(x, *outline.lower.T), np.interp(x, *outline.upper.T))
     return RecoveredObject(
@@ -191,8 +204,8 @@ def reconstruct_object(
         guarantee=guarantee,
         uniform=_upright(outline, covariance, sensor) if isinstance(model, PolygonFit) else (),
         model=None if isinstance(model, PolygonFit) else type(model),
-        confidence=None if wrong else assessed.confidence,  # it takes the readings for explained
-        alternatives=assessed.alternatives,
+        confidence=confidence,
+        alternatives=alternatives,
     )
 
 
@@ -214,6 +227,20 @@ def _other_area(outline: Outline, covariance: FloatArray, area_mm2: tuple[float,
     if abs(area - mean) <= _FAR_AREA * math.hypot(sigma, own):
         return ""
     return f"the area given, {mean:.4g} mm2, contradicts the readings, which say {area:.4g} mm2: check both"
+
+
+def _two_objects(probability: float, right: bool, confidence: float) -> tuple[str, str]:
+    """Return advice that doubts an outline which two objects explain too, or, where it stays, a note of that.
+
+    `right` is whether the outline overlaps both together as `ok` promises: then only their number is open.
+    """
+    told = (
+        f"two objects on the same strips explain the readings too, with a probability of {probability:.2f} (see the "
+        "alternatives): slide or turn the contact and track it, or add a second layer, to tell"
+    )
+    if right and probability < _RATHER_TWO:
+        return "", f"{told}; the outline holds either way" if probability >= _NOTED else ""
+    return (told, "") if right or confidence < ENOUGH else ("", told if probability >= _NOTED else "")
 
 
 def _verdict(

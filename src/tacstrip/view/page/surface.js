@@ -118,7 +118,7 @@ export class Surface {
       e.setAttribute("vector-effect", fixed);
       e.setAttribute("d", `M${x} ${this.y(y)}L${u} ${this.y(v)}`);
     });
-    const others = found.flatMap((o) => [...(o.alternatives || []), ...(o.bounds || []).map((vertices) => ({ vertices }))]);
+    const others = found.flatMap((o) => [...(o.alternatives || []).flatMap((a) => [a, ...(a.others || []).map((vertices) => ({ vertices }))]), ...(o.bounds || []).map((vertices) => ({ vertices }))]);
     fill(this.layers.alternatives, "path", others, (e, other) => {
       e.setAttribute("class", "alternative");
       e.setAttribute("vector-effect", fixed);

@@ -1,0 +1,211 @@
+"""Two convex objects that share strips, or one concave one: which of both explains l and u, and how likely.
+
+On every strip that two disjoint convex objects share, one lies above the other. So l and u are convex chains but for
+two events: one object begins, or ends, beside the other. All ways to place these near inward corners of an outline are
+tried; chains are convex regressions, and what is seen of both objects must lie apart and within the readings.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise, product
+from typing import TypeAlias
+
+import numpy as np
+import shapely
+
+from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.core.convex_chain import convex_regression, lower_hull
+
+# Deviations by which what is seen of one object may reach into the other, or beyond the readings.
+_SLACK = 3.0
+# The prior: two objects are as likely as a concave one, of which so many have an overhang, or edges along the strips;
+# that one of two begins, or ends, within a strip of the other has a probability of so much over the strips; a contact
+# of one object is pointed there, by so many pitches a strip, as often as it has any other width.
+_OVERHANG, _WITHIN_A_STRIP, _POINTED = 0.2, 2.0, 2.0
+_LEAST = 0.01  # probability of two objects that is told
+
+
+_Places: TypeAlias = tuple[tuple[int, int], tuple[int, int]]  # strips of the lower, and of the upper object
+_Chains: TypeAlias = tuple[
+    list[FloatArray], ...
+]  # of l and of -u: on the strips of its object, and on the others
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """Two convex objects that explain a run's l and u best.
+
+    Attributes
+    ----------
+    lower, upper
+        Outlines of what is seen of them (N, 2) [mm], counter-clockwise.
+    probability
+        Of two objects, if it is these or one concave object.
+    """
+
+    lower: FloatArray
+    upper: FloatArray
+    probability: float
+
+    def overlap(self, outline: FloatArray) -> float:
+        """Return the IoU of an outline (N, 2) [mm] with both together."""
+        own, both = (
+            shapely.Polygon(outline).buffer(0.0),
+            shapely.union(*map(shapely.Polygon, (self.lower, self.upper))),
+        )
+        return float(shapely.area(shapely.intersection(own, both)) / shapely.area(shapely.union(own, both)))
+
+
+@dataclass(frozen=True, eq=False)
+class Ends:
+    """What strips read: x, and (2, n) l and u, with their deviations [mm]; pitch [mm]."""
+
+    x: FloatArray
+    y: FloatArray
+    sigma: FloatArray
+    pitch: float
+
+
+def likeliest_pair(
+    ends: Ends, places: Sequence[Sequence[int]], corners: Sequence[Sequence[int]]
+) -> Pair | None:
+    """Return the pair that is likeliest beside a concave object; None where none is possible, or likely at all.
+
+    Parameters
+    ----------
+    ends
+        Of the run.
+    places
+        Strips of l, and of u, before which an object may begin or end.
+    corners
+        Strips right of the inward corners of l, and of u: between them the concave object's chains are convex.
+    """
+    n, best, found = len(ends.x), math.log(_LEAST / (1.0 - _LEAST)), None
+    y, weight = ends.y * [[1.0], [-1.0]], 1.0 / ends.sigma**2
+
+    @cache
+    def chain(side: int, begin: int, end: int, inside: bool) -> tuple[FloatArray, float]:
+        """Return the convex chain of the strips from begin to end, or of the others, and its chi square."""
+        own = _strips(n, begin, end) == inside
+        fitted, _ = convex_regression(ends.x[own], y[side, own], weight[side, own])
+        return fitted, float((weight[side, own] * (y[side, own] - fitted) ** 2).sum())
+
+    least = sum(
+        chain(side, a, b, True)[1] for side in (0, 1) for a, b in pairwise(sorted({0, *corners[side], n}))
+    )
+    for both in _places(n, places):
+        # Where the lower object is, l is its; where the upper one is, u is its; elsewhere the other's.
+        most, more, parts = math.log(4.0 / _OVERHANG), -least, ([], [])  # type: float, float, tuple[list[FloatArray], ...]
+        for (side, place), inside in product(enumerate(both), (True, False)):
+            if most - 0.5 * max(more, 0.0) <= best:
+                break
+            fitted, chi_square = chain(side, *place, inside)
+            parts[side].append(fitted)
+            more += chi_square
+        if most - 0.5 * max(more, 0.0) <= best:
+            continue
+        odds = _log_odds(ends, both, parts) - 0.5 * max(more, 0.0)
+        if odds > best and (shown := _shown(ends, both, parts)) is not None:
+            best, found = odds, shown
+    return None if found is None else Pair(*found, 1.0 / (1.0 + math.exp(-best)))
+
+
+def _strips(n: int, begin: int, end: int) -> BoolArray:
+    own = np.zeros(n, dtype=np.bool_)
+    own[begin:end] = True
+    return own
+
+
+def _places(n: int, corners: Sequence[Sequence[int]]) -> Iterator[_Places]:
+    """Yield the strips of the lower and of the upper object, together all, with no untouched one between."""
+    whole, (of_l, of_u) = (0, n), corners
+    for i in of_l:
+        for j in of_u:
+            if j <= i:
+                yield (0, i), (j, n)
+            if i <= j:
+                yield (i, n), (0, j)
+    for cuts, upper in ((of_l, False), (of_u, True)):
+        ends = [
+            *((a, n) for a in cuts),
+            *((0, b) for b in cuts),
+            *((a, b) for a in cuts for b in cuts if a < b),
+        ]
+        for place in ends:
+            yield (whole, place) if upper else (place, whole)
+
+
+def _log_odds(ends: Ends, both: _Places, parts: _Chains) -> float:
+    """Return the log odds of two objects so placed to a concave one, but for what each leaves of the readings.
+
+    Of two objects one begins at any height beside the other; that it does so within a strip is a coincidence. An edge
+    of a concave object may have any direction: that it rises far within a pitch is one, unless the object overhangs.
+    """
+    n, height = len(ends.x), float(np.ptp(ends.y))
+    of_two, of_concave, overhang = 0.0, 0.0, 0.0
+    for at, outermost in zip(zip(*both, strict=True), (max, min), strict=True):
+        if abs(at[0] - at[1]) <= 1 and (min(at) == 0 or max(at) == n):
+            strip = outermost(at) - (outermost is min)
+            wide = float(ends.y[1, strip] - ends.y[0, strip])
+            pointed = _at_any_angle(wide, _POINTED * (1 + abs(at[0] - at[1])) * ends.pitch) * height
+            of_two += math.log(min(_WITHIN_A_STRIP / n, 1.0)) - math.log(0.5 + 0.5 * pointed)
+    for side, place in enumerate(both):
+        for strip in place:
+            if 1 < strip < n - 1:  # at the outer strip an edge of any contact may be as steep
+                of_two -= math.log(height)
+                overhang -= math.log(height)
+                of_concave += math.log(_at_any_angle(*_step(ends, side, strip, place, parts[side])))
+    concave = np.logaddexp(math.log(1.0 - _OVERHANG) + of_concave, math.log(_OVERHANG) + overhang)
+    return of_two - float(concave)
+
+
+def _at_any_angle(rise: float, run: float) -> float:
+    """Return the probability density of a rise over so long a run, of lines in all directions."""
+    return 2.0 / math.pi * run / (run**2 + rise**2)
+
+
+def _step(
+    ends: Ends, side: int, strip: int, place: tuple[int, int], fitted: list[FloatArray]
+) -> tuple[float, float]:
+    """Return by how much an end rises before a strip beyond the chains beside it; and pitch with noise."""
+    n, x, y = len(ends.x), ends.x, np.empty(len(ends.x))
+    inside = _strips(n, *place)
+    y[inside], y[~inside] = fitted
+    slopes = np.diff(y) / np.diff(x)
+    rise, run = y[strip] - y[strip - 1], x[strip] - x[strip - 1]
+    beside = [i for i in (strip - 2, strip) if 0 <= i < n - 1 and inside[i] == inside[i + 1]]
+    steps = [rise - slopes[i] * run for i in beside] or [rise]
+    crossing = min(steps) < 0.0 < max(steps)  # of the lines: a corner
+    return 0.0 if crossing else min(map(abs, steps)), math.hypot(
+        ends.pitch, *ends.sigma[side, [strip - 1, strip]]
+    )
+
+
+def _shown(ends: Ends, both: _Places, parts: _Chains) -> tuple[FloatArray, FloatArray] | None:
+    """Return the hulls of what is seen of both, or None where they cannot be apart."""
+    n, x, slack = len(ends.x), ends.x, _SLACK * ends.sigma
+    low, high = (_strips(n, *place) for place in both)
+    (l_low, l_high), (u_high, u_low) = parts
+    of_low = np.column_stack([np.concatenate([x[low], x[~high]]), np.concatenate([l_low, -u_low])])
+    of_high = np.column_stack([np.concatenate([x[high], x[~low]]), np.concatenate([-u_high, l_high])])
+    tops, bottoms = np.full(n, -np.inf), np.full(n, np.inf)
+    tops[low], bottoms[high] = -lower_hull(of_low * (1.0, -1.0), x[low]), lower_hull(of_high, x[high])
+    shared = low & high
+    if (tops[shared] > bottoms[shared] + slack[:, shared].max(axis=0)).any():
+        return None
+    if (tops[~high] > slack[1, ~high] - u_low).any() or (bottoms[~low] < l_high - slack[0, ~low]).any():
+        return None
+    return _hull(of_low, ends.pitch), _hull(of_high, ends.pitch)
+
+
+def _hull(points: FloatArray, pitch: float) -> FloatArray:
+    """Return the convex hull of points (N, 2), counter-clockwise; of points on a line a sliver around it."""
+    hull = shapely.convex_hull(shapely.multipoints(points))
+    if hull.geom_type != "Polygon":
+        hull = shapely.convex_hull(hull.buffer(0.1 * pitch))
+    ring = shapely.get_coordinates(shapely.geometry.polygon.orient(hull))[:-1]
+    return np.asarray(np.roll(ring, -int(np.lexsort((ring[:, 1], ring[:, 0]))[0]), axis=0))
