@@ -112,6 +112,7 @@ def polyline(
 def lower_hull(points: FloatArray, x: FloatArray) -> FloatArray:
     """Return the height at x (n,) of the lower chain of the convex hull of points (m, 2)."""
     core, points = exported("lower_hull"), points[np.lexsort((points[:, 1], points[:, 0]))]
+    points = points[np.append(True, np.diff(points[:, 0]) > 0.0)]  # of those on one x the lowest
     if core is not None:
         found = np.empty(points.shape)
         hull = found[: core(at(points), len(points), at(found))]
