@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from tacstrip.arrays import FloatArray, IntArray
+from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.core.binding import at, exported
 
 SPARE = 1e-9  # of the largest gradient: none is left
@@ -109,16 +109,27 @@ def polyline(
     return borders[: many + 1], lines[:many, :3], covariances, float(chi_square[0])
 
 
-def lower_hull(points: FloatArray, x: FloatArray) -> FloatArray:
-    """Return the height at x (n,) of the lower chain of the convex hull of points (m, 2)."""
-    core, points = exported("lower_hull"), points[np.lexsort((points[:, 1], points[:, 0]))]
-    points = points[np.append(True, np.diff(points[:, 0]) > 0.0)]  # of those on one x the lowest
-    if core is not None:
-        found = np.empty(points.shape)
-        hull = found[: core(at(points), len(points), at(found))]
-    else:
-        hull = _plain_lower_hull(points)
-    return np.asarray(np.interp(x, *hull.T))
+def sure_strips(x: FloatArray, y: FloatArray, weight: FloatArray, cuts: list[int]) -> BoolArray:
+    """Return which strips (n,) belong to their stretch wherever the readings would allow the cuts (C,), ends included."""
+    core = exported("sure_strips")
+    if core is None:
+        return _plain_sure_strips(x, y, weight, cuts)
+    x, y, weight, places, room = _sent(x, y, weight)
+    begins, found = np.array(cuts, dtype=np.int64), np.empty(len(x), dtype=np.int64)
+    core(at(x), at(y), at(weight), len(x), at(begins), len(cuts) - 1, at(found), at(places), at(room))
+    return found != 0
+
+
+def hull_ends(points: FloatArray, x: FloatArray) -> FloatArray:
+    """Return the lower and the upper end (2, n) of the convex hull of points (m, 2) at x (n,), NaN beside it."""
+    core = exported("hull_ends")
+    if core is None:
+        return np.stack([_plain_lower_hull(points, x), -_plain_lower_hull(points * (1.0, -1.0), x)])
+    found, m = np.full((2, len(x)), np.nan), len(points)
+    points, x = np.ascontiguousarray(points), np.ascontiguousarray(x)
+    places, room = np.empty(2 * m, dtype=np.int64), np.empty(2 * m)
+    core(at(points), m, at(x), len(x), at(found), at(places), at(room))
+    return found
 
 
 def height(line: FloatArray, x: float) -> float:
@@ -139,15 +150,33 @@ def _per_line(strips: int) -> float:
     return float(PER_LINE * np.log(max(strips, 2)) + ALSO)
 
 
-def _plain_lower_hull(points: FloatArray) -> FloatArray:
+def _plain_lower_hull(points: FloatArray, x: FloatArray) -> FloatArray:
+    points = points[np.lexsort((points[:, 1], points[:, 0]))]
     hull: list[tuple[float, float]] = []
-    for px, py in points.tolist():
+    for px, py in points[np.append(True, np.diff(points[:, 0]) > 0.0)].tolist():  # of those on one x the lowest
         while len(hull) > 1 and (hull[-1][0] - hull[-2][0]) * (py - hull[-2][1]) <= (px - hull[-2][0]) * (
             hull[-1][1] - hull[-2][1]
         ):
             hull.pop()
         hull.append((px, py))
-    return np.array(hull)
+    return np.interp(x, *np.array(hull).T, left=np.nan, right=np.nan)
+
+
+def _plain_sure_strips(x: FloatArray, y: FloatArray, weight: FloatArray, cuts: list[int]) -> BoolArray:
+    """Do as `sure_strips`."""
+    sure = np.ones(len(x), dtype=np.bool_)
+
+    def cost(a: int, b: int) -> float:
+        return convex_cost(x[a:b], y[a:b], weight[a:b]) if b - a > 2 else 0.0
+
+    for a, c, b in zip(cuts[:-2], cuts[1:-1], cuts[2:], strict=True):
+        here = cost(a, c) + cost(c, b)
+        for step in (-1, 1):
+            place = c + step
+            while a <= place <= b and cost(a, place) + cost(place, b) < here + CONTRADICTED:
+                sure[place if step < 0 else place - 1] = False
+                place += step
+    return sure
 
 
 def _plain_regression(

@@ -9,14 +9,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from itertools import combinations, count
 
 import numpy as np
 import shapely
 
 from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.core.convex_chain import lower_hull
+from tacstrip.core.convex_chain import hull_ends
 from tacstrip.reconstruction.pieces.chain import Chain, Stretch
 
 _SLACK = 3.0  # deviations of a reading by which a hull may leave what the strips read
@@ -63,6 +63,12 @@ class Read:
     l_sigma: FloatArray
     u_sigma: FloatArray
     sure: BoolArray
+
+    @cached_property
+    def limits(self) -> tuple[FloatArray, FloatArray]:
+        """Between what a hull must lie (n,) [mm], by as many deviations; without end beside a cut."""
+        low, high = self.l - _SLACK * self.l_sigma, self.u + _SLACK * self.u_sigma
+        return np.where(self.sure, low, -np.inf), np.where(self.sure, high, np.inf)
 
     @classmethod
     def of(cls, x: FloatArray, chains: tuple[Chain, Chain]) -> Read:
@@ -258,12 +264,8 @@ def _may_be_one(a: Part, b: Part) -> bool:
 
 def _within(points: FloatArray, read: Read) -> bool:
     """Whether the hull of points (M, 2) lies within what the strips read."""
-    within = (read.x >= points[:, 0].min()) & (read.x <= points[:, 0].max()) & read.sure
-    at = read.x[within]
-    return bool(
-        (lower_hull(points, at) >= read.l[within] - _SLACK * read.l_sigma[within]).all()
-        and (-lower_hull(points * [1.0, -1.0], at) <= read.u[within] + _SLACK * read.u_sigma[within]).all()
-    )
+    (low, high), (least, most) = hull_ends(points, read.x), read.limits
+    return not ((low < least) | (high > most)).any()
 
 
 def shown_ends(part: Part, x: FloatArray) -> tuple[FloatArray, FloatArray]:

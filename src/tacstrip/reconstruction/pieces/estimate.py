@@ -6,18 +6,19 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
-import shapely
 
 from tacstrip.arguments import takes
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.contact.noise import Noise
+from tacstrip.core.convex_overlap import convex_overlap
+from tacstrip.geometry.moments import area
 from tacstrip.geometry.region import outline_paths
 from tacstrip.notebook import Drawn, SvgPath
 from tacstrip.reconstruction.contact_ends import closed_ends
 from tacstrip.reconstruction.implausible import goes_on, implausible_hint
 from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
 from tacstrip.reconstruction.on_surface import refuse_surface
-from tacstrip.reconstruction.pieces.bounds import Bounds, piece_bounds, sure_strips
+from tacstrip.reconstruction.pieces.bounds import Bounds, piece_bounds
 from tacstrip.reconstruction.pieces.cover import Part
 from tacstrip.reconstruction.pieces.outline import PieceOutline, shown_hull, trace
 from tacstrip.reconstruction.pieces.run import FEW_STRIPS, GAP, RunPieces, noise_level, split_run
@@ -188,13 +189,10 @@ def _of_run(run: RunPieces, sensor: Sensor, strips: slice, before: int) -> list[
         key=lambda group: min((p.stretch.start, p.side) for p in group),
     )
     hulls = [shown_hull(group, run.read) for group in groups]
-    sure = sure_strips(run.chains[0]), sure_strips(run.chains[1])
+    bounds = piece_bounds(groups, run.chains, run.read, sensor.pitch_mm, sensor.length_mm)
     found = []
     for i, group in enumerate(groups):
         traced = trace(group, run.read, hulls[:i] + hulls[i + 1 :], sensor.pitch_mm)
-        bounds = piece_bounds(
-            group, groups[:i] + groups[i + 1 :], run.chains, sure, run.read, sensor.pitch_mm, sensor.length_mm
-        )
         start = min(p.stretch.start for p in group) + strips.start
         stop = max(p.stretch.stop for p in group) + strips.start
         others = tuple(
@@ -203,11 +201,11 @@ def _of_run(run: RunPieces, sensor: Sensor, strips: slice, before: int) -> list[
             if j != i and (not run.apart or _meet(group, other, GAP * sensor.length_mm))
         )
         crossed = any(_overlap(hulls[i], other) > _OVERLAP for j, other in enumerate(hulls) if j != i)
-        status, advice = _verdict(run, traced, bounds, sensor, strips, crossed)
+        status, advice = _verdict(run, traced, bounds[i], sensor, strips, crossed)
         found.append(
             Piece(
-                traced.vertices, traced.hidden, slice(start, stop), status, advice, traced.covariance, bounds.smallest,
-                bounds.largest, others, traced.hidden_edges,
+                traced.vertices, traced.hidden, slice(start, stop), status, advice, traced.covariance, bounds[i].smallest,
+                bounds[i].largest, others, traced.hidden_edges,
             )
         )  # fmt: skip
     return found
@@ -300,8 +298,8 @@ def _overlap(a: FloatArray, b: FloatArray) -> float:
 
 def _error(run: RunPieces, traced: PieceOutline, sensor: Sensor) -> float:
     """Return the share of a piece's area that noise, and ends between two strips, leave open on average."""
-    area = shapely.Polygon(traced.vertices).area if len(traced.vertices) > 2 else 0.0
-    if not area > 0.0:
+    size = _area(traced.vertices)
+    if not size > 0.0:
         return 1.0
     width = float(np.ptp(traced.vertices[:, 0]))
     open_mm = sum(
@@ -310,20 +308,19 @@ def _error(run: RunPieces, traced: PieceOutline, sensor: Sensor) -> float:
         * np.sqrt(min(2.0 * sum(len(s.lines) for s in chain.stretches) / len(sigma), 1.0))
         for chain, sigma in zip(run.chains, (run.read.l_sigma, run.read.u_sigma), strict=True)
     )
-    return float(open_mm * width / area + 0.5 * sensor.pitch_mm / width)
+    return float(open_mm * width / size + 0.5 * sensor.pitch_mm / width)
 
 
 def _shared(outline: FloatArray, bounds: Bounds) -> tuple[FloatArray, FloatArray]:
     """Return the areas of an outline, `smallest` and `largest` (3,), and what the first shares with the others (2,)."""
-    shapes = np.array(
-        [
-            shapely.polygons(o) if len(o) > 2 else shapely.Polygon()
-            for o in (outline, bounds.smallest, bounds.largest)
-        ]
+    rings = (outline, bounds.smallest, bounds.largest)
+    return np.array([_area(ring) for ring in rings]), np.array(
+        [convex_overlap(outline, ring) for ring in rings[1:]]
     )
-    if not shapely.is_valid(shapes).all():
-        shapes = shapely.buffer(shapes, 0.0)
-    return shapely.area(shapes), shapely.area(shapely.intersection(shapes[0], shapes[1:]))
+
+
+def _area(ring: FloatArray) -> float:
+    return abs(area(ring)) if len(ring) > 2 else 0.0
 
 
 @takes(scan=Scan, sensor=Sensor, noise=Noise)

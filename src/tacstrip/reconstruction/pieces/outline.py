@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
-from tacstrip.core.convex_chain import lower_hull
+from tacstrip.core.convex_chain import hull_ends
 from tacstrip.reconstruction.pieces.cover import Part, Read
 
 _HALFWAY = 0.5  # to the furthest corner
@@ -58,11 +58,7 @@ class _Arc:
 def shown_hull(parts: Sequence[Part], read: Read) -> FloatArray:
     """Return lower and upper ends (2, n) of the hull of what parts show, NaN on strips that it does not reach."""
     points = np.concatenate([part.stretch.corners * (1.0, 1.0 if part.side == 0 else -1.0) for part in parts])
-    reached = (read.x >= points[:, 0].min()) & (read.x <= points[:, 0].max())
-    ends = np.full((2, len(read.x)), np.nan)
-    ends[0, reached] = lower_hull(points, read.x[reached])
-    ends[1, reached] = -lower_hull(points * (1.0, -1.0), read.x[reached])
-    return ends
+    return hull_ends(points, read.x)
 
 
 def trace(parts: Sequence[Part], read: Read, others: Sequence[FloatArray], pitch: float) -> PieceOutline:
