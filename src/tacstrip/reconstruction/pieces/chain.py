@@ -82,8 +82,9 @@ class Stretch:
 
     def at(self, x: FloatArray) -> FloatArray:
         """Return the chain's height at x (n,), lengthened by its outer lines: the highest line."""
-        height, slope, middle = self.lines.T
-        return np.asarray((height + slope * (np.asarray(x)[:, None] - middle)).max(axis=1))
+        height, slope, middle = self.lines.T[:, :, None]
+        found = height + slope * (x - middle)  # (M, n)
+        return np.asarray(found.max(axis=0) if len(found) > 1 else found[0])
 
     def split(self, strip: int, x: float) -> tuple[Stretch, Stretch]:
         """Return what lies left and right of x [mm], before `strip`, as if an inward corner lay there."""
@@ -226,8 +227,11 @@ def _cut(
 
     def rise(x: float) -> tuple[float, float]:
         """Return by how much the right line lies above the left one, and its deviation."""
-        by_a, by_b = np.array([1.0, x - a[2]]), np.array([1.0, x - b[2]])
-        return height(b, x) - height(a, x), float(np.sqrt(by_a @ of_a @ by_a + by_b @ of_b @ by_b))
+        variance = sum(
+            v[0, 0] + (x - line[2]) * (2.0 * v[0, 1] + (x - line[2]) * v[1, 1])
+            for line, v in ((a, of_a), (b, of_b))
+        )
+        return height(b, x) - height(a, x), math.sqrt(variance)
 
     rises, sigmas = zip(*(rise(x) for x in (before - _UNSURE * pitch, behind + _UNSURE * pitch)), strict=True)
     if rises[0] * rises[1] > 0.0 and all(abs(r) >= _JUMPS * s for r, s in zip(rises, sigmas, strict=True)):

@@ -70,6 +70,16 @@ class Read:
         low, high = self.l - _SLACK * self.l_sigma, self.u + _SLACK * self.u_sigma
         return np.where(self.sure, low, -np.inf), np.where(self.sure, high, np.inf)
 
+    @cached_property
+    def borders(self) -> FloatArray:
+        """Half way between neighbouring strips (n - 1,) [mm]."""
+        return 0.5 * (self.x[1:] + self.x[:-1])
+
+    @cached_property
+    def pitch(self) -> float:
+        """From a strip to the next one [mm]."""
+        return float(np.diff(self.x).min()) if len(self.x) > 1 else 1.0
+
     @classmethod
     def of(cls, x: FloatArray, chains: tuple[Chain, Chain]) -> Read:
         """Return what the chains of l and of -u say of strips at x (n,) [mm]."""
@@ -204,9 +214,9 @@ def _split_at_corners(parts: list[Part], x: FloatArray, pitch: float, gap: float
 def _of_parts(parts: list[Part], one: Callable[[Part, Part], bool]) -> list[Cover]:
     """Return the covers of parts by the fewest pieces, the plainest first; `one`: whether two may be of one piece."""
     n = len(parts)
-    fits = np.zeros((n, n), dtype=np.bool_)
+    fits = [[False] * n for _ in range(n)]
     for i, j in combinations(range(n), 2):
-        fits[i, j] = fits[j, i] = one(parts[i], parts[j])
+        fits[i][j] = fits[j][i] = one(parts[i], parts[j])
     for most in count(1):
         found = _covers(fits, most)
         if found is None:
@@ -217,7 +227,7 @@ def _of_parts(parts: list[Part], one: Callable[[Part, Part], bool]) -> list[Cove
     raise AssertionError  # as many pieces as parts always do
 
 
-def _covers(fits: BoolArray, most: int) -> list[list[tuple[int, ...]]] | None:
+def _covers(fits: list[list[bool]], most: int) -> list[list[tuple[int, ...]]] | None:
     """Return partitions into at most so many sets whose members all fit each other; None: the search is too long."""
     found: list[list[tuple[int, ...]]] = []
     steps = 0
@@ -231,7 +241,7 @@ def _covers(fits: BoolArray, most: int) -> list[list[tuple[int, ...]]] | None:
             found.append(list(pieces))
             return
         for k, piece in enumerate(pieces):
-            if fits[i, list(piece)].all():
+            if all(fits[i][j] for j in piece):
                 add(i + 1, [*pieces[:k], (*piece, i), *pieces[k + 1 :]])
         if len(pieces) < most:
             add(i + 1, [*pieces, (i,)])
@@ -240,11 +250,11 @@ def _covers(fits: BoolArray, most: int) -> list[list[tuple[int, ...]]] | None:
     return found if found or steps <= _STEPS else None
 
 
-def _first_fit(fits: BoolArray) -> list[tuple[int, ...]]:
+def _first_fit(fits: list[list[bool]]) -> list[tuple[int, ...]]:
     """Return a partition into sets whose members all fit each other, each part in the first set that takes it."""
     pieces: list[tuple[int, ...]] = []
     for i in range(len(fits)):
-        k = next((k for k, piece in enumerate(pieces) if fits[i, list(piece)].all()), len(pieces))
+        k = next((k for k, piece in enumerate(pieces) if all(fits[i][j] for j in piece)), len(pieces))
         pieces[k : k + 1] = [(*pieces[k], i) if k < len(pieces) else (i,)]
     return pieces
 

@@ -200,7 +200,7 @@ def _of_run(run: RunPieces, sensor: Sensor, strips: slice, before: int) -> list[
             for j, other in enumerate(groups)
             if j != i and (not run.apart or _meet(group, other, GAP * sensor.length_mm))
         )
-        crossed = any(_overlap(hulls[i], other) > _OVERLAP for j, other in enumerate(hulls) if j != i)
+        crossed = run.apart and any(_overlap(hulls[i], h) > _OVERLAP for j, h in enumerate(hulls) if j != i)
         status, advice = _verdict(run, traced, bounds[i], sensor, strips, crossed)
         found.append(
             Piece(
@@ -265,7 +265,7 @@ def _verdict(
         )
     if run.cover.others:
         doubts.append("what is shown can be paired to as many pieces in another way")
-    if crossed and run.apart:
+    if crossed:
         doubts.append("what is seen of the pieces overlaps: there are more, or one concave object")
     if (off := _error(run, traced, sensor)) > 1.0 - _PROMISED:
         doubts.append(f"noise and strips leave about {100.0 * off:.0f} % of its area open: use finer strips")
@@ -291,9 +291,11 @@ def _verdict(
 
 def _overlap(a: FloatArray, b: FloatArray) -> float:
     """Return how much two hulls, lower and upper ends (2, n), share, over the smaller one."""
-    shared = np.maximum(np.minimum(a[1], b[1]) - np.maximum(a[0], b[0]), 0.0)
+    shared = np.minimum(a[1], b[1]) - np.maximum(a[0], b[0])
+    if not (shared > 0.0).any():
+        return 0.0
     sizes = [float(np.nansum(hull[1] - hull[0])) for hull in (a, b)]
-    return float(np.nansum(shared)) / max(min(sizes), 1e-300)
+    return float(np.nansum(np.maximum(shared, 0.0))) / max(min(sizes), 1e-300)
 
 
 def _error(run: RunPieces, traced: PieceOutline, sensor: Sensor) -> float:
@@ -302,13 +304,7 @@ def _error(run: RunPieces, traced: PieceOutline, sensor: Sensor) -> float:
     if not size > 0.0:
         return 1.0
     width = float(np.ptp(traced.vertices[:, 0]))
-    open_mm = sum(
-        float(np.median(sigma))
-        * _ALIKE
-        * np.sqrt(min(2.0 * sum(len(s.lines) for s in chain.stretches) / len(sigma), 1.0))
-        for chain, sigma in zip(run.chains, (run.read.l_sigma, run.read.u_sigma), strict=True)
-    )
-    return float(open_mm * width / size + 0.5 * sensor.pitch_mm / width)
+    return float(_ALIKE * run.open_mm * width / size + 0.5 * sensor.pitch_mm / width)
 
 
 def _shared(outline: FloatArray, bounds: Bounds) -> tuple[FloatArray, FloatArray]:

@@ -19,6 +19,7 @@ from tacstrip.reconstruction.pieces.cover import Part, Read
 _HALFWAY = 0.5  # to the furthest corner
 _SLIVER = 0.01  # of the way: a piece of which one straight edge is seen is no line
 _STEPS = 24  # of looking how far an outline can reach
+_WAYS = np.linspace(0.0, 1.0, _STEPS + 1)[1:, None]
 _SAME = 1  # strips between the ends of l and of u that are one
 _TURN = 1e-9  # of the squared size: less is no corner
 
@@ -243,7 +244,7 @@ def _furthest(
     if not gx * float(reach[1]) - gy * float(reach[0]) < 0.0:
         return None  # inwards
     best = middle + _SLIVER * reach if np.array_equal(leaving, arriving) else None  # one end alone shows it
-    tips = middle + np.linspace(0.0, 1.0, _STEPS + 1)[1:, None] * reach
+    tips = middle + _WAYS * reach
     beside = np.concatenate([tips, 0.5 * (start + tips), 0.5 * (end + tips)])
     there = _allowed(beside, read, others).reshape(3, _STEPS).all(axis=0)
     reached = int(there.argmin()) if not there.all() else _STEPS
@@ -253,9 +254,8 @@ def _furthest(
 def _allowed(points: FloatArray, read: Read, others: Sequence[FloatArray]) -> BoolArray:
     """Return which points (M, 2) lie within what the strips beside them read, and in no other piece."""
     x, y = points.T
-    strip = np.abs(read.x - x[:, None]).argmin(axis=1)
-    pitch = float(np.diff(read.x).min()) if len(read.x) > 1 else 1.0
-    inside = (np.abs(read.x[strip] - x) <= 0.5 * pitch) & (read.l[strip] <= y) & (y <= read.u[strip])
+    strip = np.searchsorted(read.borders, x)
+    inside = (np.abs(read.x[strip] - x) <= 0.5 * read.pitch) & (read.l[strip] <= y) & (y <= read.u[strip])
     for low, high in others:
         inside &= ~((low[strip] < y) & (y < high[strip]))
     return np.asarray(inside)

@@ -58,6 +58,15 @@ class RunPieces:
         found = [(side, cut) for side, cut in every if cut is not None]
         return sorted(found, key=lambda cut: (cut[1].strip, cut[0]))
 
+    @cached_property
+    def open_mm(self) -> float:
+        """Deviation of the contact's length on a strip [mm] by what noise leaves open of the lines."""
+        return sum(
+            float(np.median(sigma))
+            * math.sqrt(min(2.0 * sum(len(s.lines) for s in chain.stretches) / len(sigma), 1.0))
+            for chain, sigma in zip(self.chains, (self.read.l_sigma, self.read.u_sigma), strict=True)
+        )
+
     @property
     def explains(self) -> bool:
         """Whether noise explains what convex stretches leave over of the readings."""
