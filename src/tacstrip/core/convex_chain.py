@@ -87,14 +87,14 @@ def polyline(
         Of its L lines (L + 1,), from half a pitch before the first strip to half a pitch after the last.
     lines
         Height at the middle of each, slope, and middle (L, 3).
-    covariances
-        Of height and slope (L, 2, 2).
+    variances
+        Of height and slope (L, 2), which are independent at the middle.
     chi_square
         What the nearest convex function leaves over.
     """
     if len(x) == 1:
         ends, flat = x[[0, -1]] + [-0.5 * pitch, 0.5 * pitch], np.array([[y[0], 0.0, x[0]]])
-        return ends, flat, np.array([np.diag([1.0 / weight[0], (y[0] / pitch) ** 2])]), 0.0
+        return ends, flat, np.array([[1.0 / weight[0], (y[0] / pitch) ** 2]]), 0.0
     core = exported("convex_polyline")
     if core is None:
         return _plain_polyline(x, y, weight, pitch)
@@ -104,9 +104,7 @@ def polyline(
     many = core(
         at(x), at(y), at(weight), n, pitch, at(borders), at(lines), at(chi_square), at(places), at(room)
     )
-    covariances = np.zeros((many, 2, 2))
-    covariances[:, [0, 1], [0, 1]] = lines[:many, 3:]
-    return borders[: many + 1], lines[:many, :3], covariances, float(chi_square[0])
+    return borders[: many + 1], lines[:many, :3], lines[:many, 3:], float(chi_square[0])
 
 
 def sure_strips(x: FloatArray, y: FloatArray, weight: FloatArray, cuts: list[int]) -> BoolArray:
@@ -256,12 +254,12 @@ def _plain_best_lines(
 
 
 def _line(x: FloatArray, y: FloatArray, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return height at the middle, slope and middle (3,) of the line through points, and its covariance (2, 2)."""
+    """Return height at the middle, slope and middle (3,) of the line through points, and the variances (2,) of two."""
     total = weight.sum()
     middle = float(weight @ x / total)
     spread = float(weight @ (x - middle) ** 2)
     slope = float(weight @ ((x - middle) * y)) / spread
-    return np.array([weight @ y / total, slope, middle]), np.diag([1.0 / total, 1.0 / spread])
+    return np.array([weight @ y / total, slope, middle]), np.array([1.0 / total, 1.0 / spread])
 
 
 def _goes_on(x: FloatArray, y: FloatArray, weight: FloatArray, a: int, c: int, b: int) -> bool:
@@ -349,7 +347,7 @@ def _plain_polyline(
         wrong = np.flatnonzero((np.diff(slope) <= 0.0) | ~np.isfinite(meet))
         late = np.flatnonzero(~(np.diff(borders) > 0.0))
         if not len(wrong) and not len(late):
-            return borders, lines, np.stack([covariance for _, covariance in found]), chi_square
+            return borders, lines, np.stack([variances for _, variances in found]), chi_square
         # Lines that make no convex chain are one: the pair that costs least.
         places = wrong if len(wrong) else np.unique(np.clip([late - 1, late], 0, len(meet) - 1))
         worse = [_joint_cost(x, y, weight, cuts[i], cuts[i + 2]) for i in places]

@@ -91,8 +91,8 @@ def _held(
     for part in group:
         own = slice(part.stretch.start, part.stretch.stop)
         on = sure[part.side][own]
-        y = np.maximum(part.stretch.at(read.x[own]), chains[part.side].y[own])[on]
-        found.append(np.column_stack([read.x[own][on], y if part.side == 0 else -y]))
+        y = np.maximum(part.stretch.shown, chains[part.side].y[own])[on]
+        found.append(np.column_stack([read.x[own][on], part.sign * y]))
     return np.concatenate(found)
 
 

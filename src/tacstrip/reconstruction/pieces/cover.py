@@ -43,6 +43,11 @@ class Part:
     stretch: Stretch
 
     @property
+    def sign(self) -> float:
+        """What a height of the stretch is times y: -1 of u."""
+        return -1.0 if self.side else 1.0
+
+    @property
     def begins(self) -> bool:
         """Whether its piece begins where it does."""
         return self.stretch.before is None or self.stretch.before.kind == "begins"
@@ -88,8 +93,7 @@ class Read:
         for chain in chains:
             y = np.empty(len(x))
             for stretch in chain.stretches:
-                own = slice(stretch.start, stretch.stop)
-                y[own] = stretch.at(x[own])
+                y[stretch.start : stretch.stop] = stretch.shown
                 if stretch.before is not None:
                     sure[max(stretch.start - 1, 0) : stretch.start + 1] = False
             fitted.append(y)
@@ -119,8 +123,8 @@ class Cover:
     others: tuple[Cover, ...] = ()
     fewest: int | None = None
 
-    def gap_mm(self, x: FloatArray, pitch: float) -> float:
-        """Return the least distance [mm] between what strips at x (n,) show of two pieces, infinite with one piece.
+    def gap_mm(self, pitch: float) -> float:
+        """Return the least distance [mm] between what the strips show of two pieces, infinite with one piece.
 
         Chains reach a pitch beyond the run, where a pointed piece closes. Where nothing jumps they reach half way into
         inward corners too, and meet there; next to a jump elsewhere a corner may hide another one.
@@ -131,7 +135,7 @@ class Cover:
             for cut in (part.stretch.before, part.stretch.after)
         )
         by = 0.5 * pitch if corners else 0.0
-        reached = ([_reaching(self.parts[i], x, pitch, by) for i in piece] for piece in self.pieces)
+        reached = ([_reaching(self.parts[i], pitch, by) for i in piece] for piece in self.pieces)
         hulls = [shapely.convex_hull(shapely.linestrings(np.concatenate(points))) for points in reached]
         return min((float(a.distance(b)) for a, b in combinations(hulls, 2)), default=math.inf)
 
@@ -153,7 +157,7 @@ def least_cover(chains: tuple[Chain, Chain], read: Read, pitch: float, gap: floa
 
     @cache
     def shown(part: Part) -> FloatArray:
-        return np.column_stack(_surely_shown(part, read.x))
+        return _surely_shown(part)
 
     @cache
     def one(a: Part, b: Part) -> bool:
@@ -188,7 +192,7 @@ def least_cover(chains: tuple[Chain, Chain], read: Read, pitch: float, gap: floa
             found = more
     # Of covers by as many pieces, those whose pieces lie apart come first: objects do.
     if len(found) > 1:
-        found.sort(key=lambda cover: cover.gap_mm(read.x, pitch) < gap)
+        found.sort(key=lambda cover: cover.gap_mm(pitch) < gap)
     return replace(found[0], others=tuple(found[1:]))
 
 
@@ -278,29 +282,21 @@ def _within(points: FloatArray, read: Read) -> bool:
     return not ((low < least) | (high > most)).any()
 
 
-def shown_ends(part: Part, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the strips that show a part (m,), and y of its chain there (m,) [mm]."""
-    at = x[part.stretch.start : part.stretch.stop]
-    y = part.stretch.at(at)
-    return at, y if part.side == 0 else -y
-
-
-def _reaching(part: Part, x: FloatArray, outside: float, inside: float) -> FloatArray:
+def _reaching(part: Part, outside: float, inside: float) -> FloatArray:
     """Return points of a part (M, 2) on its strips, and so much [mm] beyond, outside the run and inside at cuts."""
-    at, _ = shown_ends(part, x)
-    first, last = (inside if cut else outside for cut in (part.stretch.before, part.stretch.after))
+    at, stretch = part.stretch.strips_x, part.stretch
+    first, last = (inside if cut else outside for cut in (stretch.before, stretch.after))
     at = np.concatenate([[at[0] - first], at, [at[-1] + last]])
-    y = part.stretch.at(at)
-    return np.column_stack([at, y if part.side == 0 else -y])
+    return np.column_stack([at, part.sign * stretch.at(at)])
 
 
-def _surely_shown(part: Part, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return what shows a part, without the strips beside a cut: they may be its neighbour's."""
-    at, y = shown_ends(part, x)
-    if len(at) <= _FEW:
-        return at, y
-    kept = slice(int(part.stretch.before is not None), len(at) - int(part.stretch.after is not None))
-    return at[kept], y[kept]
+def _surely_shown(part: Part) -> FloatArray:
+    """Return what shows a part (M, 2), without the strips beside a cut: they may be its neighbour's."""
+    stretch = part.stretch
+    found = np.column_stack([stretch.strips_x, part.sign * stretch.shown])
+    if len(found) <= _FEW:
+        return found
+    return found[int(stretch.before is not None) : len(found) - int(stretch.after is not None)]
 
 
 def _strangeness(pieces: list[tuple[int, ...]], parts: list[Part]) -> int:

@@ -58,7 +58,7 @@ class _Arc:
 
 def shown_hull(parts: Sequence[Part], read: Read) -> FloatArray:
     """Return lower and upper ends (2, n) of the hull of what parts show, NaN on strips that it does not reach."""
-    points = np.concatenate([part.stretch.corners * (1.0, 1.0 if part.side == 0 else -1.0) for part in parts])
+    points = np.concatenate([part.stretch.corners * (1.0, part.sign) for part in parts])
     return hull_ends(points, read.x)
 
 
@@ -155,31 +155,27 @@ def _ring(parts: Sequence[Part], pitch: float) -> list[_Arc]:
 
 def _points(part: Part, pitch: float) -> tuple[FloatArray, FloatArray]:
     """Return the corners of a part (M + 1, 2), left to right, and their covariance."""
-    stretch = part.stretch
-    corners = stretch.corners
-    size = len(stretch.lines)
-    slope, middle = stretch.lines[:, 1], stretch.lines[:, 2]
-    by = np.zeros((2 * len(corners), 2 * size))  # of corners by height and slope of the lines
-    for i in range(1, size):
-        x, steeper = corners[i, 0], slope[i - 1] - slope[i]
-        by_lines = np.array([-1.0, middle[i - 1] - x, 1.0, x - middle[i]]) / steeper
-        by[2 * i, 2 * i - 2 : 2 * i + 2] = by_lines
-        by[2 * i + 1, 2 * i - 2 : 2 * i + 2] = slope[i - 1] * by_lines
-        by[2 * i + 1, 2 * i - 2 : 2 * i] += [1.0, x - middle[i - 1]]
-    for i, line in ((0, 0), (size, size - 1)):
-        by[2 * i + 1, 2 * line : 2 * line + 2] = [1.0, corners[i, 0] - middle[line]]
-    of_lines = np.zeros((2 * size, 2 * size))
-    for i, block in enumerate(stretch.covariances):
-        of_lines[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = block
-    covariance = by @ of_lines @ by.T
-    for i, line in ((0, 0), (size, size - 1)):  # an end lies anywhere within a pitch
-        along = np.array([1.0, slope[line]])
-        covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] += np.outer(along, along) * pitch**2 / 12.0
-    if part.side == 1:
-        corners = corners * (1.0, -1.0)
-        signs = np.tile([1.0, -1.0], len(corners))
-        covariance = covariance * np.outer(signs, signs)
-    return corners.copy(), covariance
+    stretch, sign = part.stretch, part.sign
+    corners = stretch.corners * (1.0, sign)
+    (x, slope, middle), last = (c.tolist() for c in (stretch.x, *stretch.lines.T[1:])), len(stretch.lines)
+    by = np.zeros((2 * len(corners), 2 * last))  # of corners by height and slope of the lines
+    for i in range(1, last):
+        steeper = slope[i - 1] - slope[i]
+        by_lines = np.array([-1.0, middle[i - 1] - x[i], 1.0, x[i] - middle[i]]) / steeper
+        at = slice(2 * i - 2, 2 * i + 2)
+        by[2 * i, at] = by_lines
+        by[2 * i + 1, at] = (sign * slope[i - 1]) * by_lines
+        by[2 * i + 1, 2 * i - 2] += sign
+        by[2 * i + 1, 2 * i - 1] += sign * (x[i] - middle[i - 1])
+    for i, line in ((0, 0), (last, last - 1)):
+        by[2 * i + 1, 2 * line], by[2 * i + 1, 2 * line + 1] = sign, sign * (x[i] - middle[line])
+    covariance = (by * stretch.variances.ravel()) @ by.T
+    anywhere = pitch**2 / 12.0
+    for i, line in ((0, 0), (last, last - 1)):  # an end lies anywhere within a pitch
+        steep = sign * slope[line]
+        block = covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2]
+        block += [[anywhere, anywhere * steep], [anywhere * steep, anywhere * steep**2]]
+    return corners, covariance
 
 
 def _join(lower: FloatArray, upper: FloatArray, right: bool, pitch: float) -> None:

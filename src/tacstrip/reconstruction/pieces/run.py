@@ -100,7 +100,7 @@ class RunPieces:
         The pieces of an inward corner touch there, and those of an overhang where both come from.
         """
         # The first is the widest.
-        return self.count > 1 and self.cover.gap_mm(self.read.x, self.pitch) >= self.gap
+        return self.count > 1 and self.cover.gap_mm(self.pitch) >= self.gap
 
 
 def noise_level(k: FloatArray, sensor: Sensor) -> float:
