@@ -227,7 +227,7 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
         _INT,
         (_POINTER, _INT, _POINTER, *[_INT] * 3, _POINTER, _DOUBLE, _POINTER, _POINTER),
     ),
-    "convex_overlap": (_DOUBLE, (_POINTER, _INT, _POINTER, _INT, _POINTER)),
+    "convex_overlap": (_INT, (_POINTER, _INT, _POINTER, _INT, _POINTER, _POINTER)),
     "isolated_outliers": (_INT, (_POINTER, _INT, _INT, _POINTER)),
     "swept_areas": (None, (_POINTER, _POINTER, _INT, _POINTER, _INT, *[_POINTER] * 3)),
     "batch": (_INT, (*[_POINTER] * 3, _INT, _INT, *[_POINTER] * 4)),

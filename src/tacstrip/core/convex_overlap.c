@@ -51,10 +51,14 @@ static double triangle_overlap(const double *convex, Int corners, const double *
   return area;
 }
 
-double tacstrip_convex_overlap(const double *convex, Int corners, const double *ring, Int count, double *workspace) {
-  double area = 0.0;
-  if (!is_convex(convex, corners)) return -1.0;
-  for (Int i = 1; i + 1 < count; i++)
-    area += triangle_overlap(convex, corners, ring, ring + 2 * i, ring + 2 * i + 2, workspace);
-  return magnitude(area);
+Int tacstrip_convex_overlap(const double *convex, Int corners, const double *ring, Int count, double *areas, double *workspace) {
+  if (!is_convex(convex, corners)) return 0;
+  areas[0] = areas[1] = areas[2] = 0.0;
+  for (Int i = 1; i + 1 < corners; i++) areas[0] += 0.5 * turn(convex, convex + 2 * i, convex + 2 * i + 2);
+  for (Int i = 1; i + 1 < count; i++) {
+    areas[1] += 0.5 * turn(ring, ring + 2 * i, ring + 2 * i + 2);
+    areas[2] += triangle_overlap(convex, corners, ring, ring + 2 * i, ring + 2 * i + 2, workspace);
+  }
+  for (int i = 1; i < 3; i++) areas[i] = magnitude(areas[i]);
+  return 1;
 }

@@ -9,23 +9,19 @@ from tacstrip.arrays import FloatArray
 from tacstrip.core.binding import at, exported
 
 
-def convex_overlap(convex: FloatArray, ring: FloatArray) -> float:
-    """Return the area [mm^2] that a polygon (N, 2), convex or nearly so, shares with a ring (M, 2)."""
+def convex_overlap(convex: FloatArray, ring: FloatArray) -> tuple[float, float, float]:
+    """Return the areas [mm^2] of a polygon (N, 2), convex as a rule, of a ring (M, 2), and of what both share."""
     core = exported("convex_overlap")
     if core is not None:
         convex, ring = np.ascontiguousarray(convex), np.ascontiguousarray(ring)
-        room = np.empty(4 * (len(convex) + 3))
-        area = core(at(convex), len(convex), at(ring), len(ring), at(room))
-        if area >= 0.0:
-            return float(area)
+        areas, room = np.empty(3), np.empty(4 * (len(convex) + 3))
+        if core(at(convex), len(convex), at(ring), len(ring), at(areas), at(room)):
+            own, other, shared = areas.tolist()
+            return own, other, shared
     return _plain_overlap(convex, ring)
 
 
-def _plain_overlap(convex: FloatArray, ring: FloatArray) -> float:
-    """Do as `convex_overlap`, of a polygon that turns inwards, too."""
-    if min(len(convex), len(ring)) < 3:
-        return 0.0
-    shapes = shapely.polygons([shapely.linearrings(convex), shapely.linearrings(ring)])
-    if not shapely.is_valid(shapes).all():
-        shapes = shapely.buffer(shapes, 0.0)
-    return float(shapely.area(shapely.intersection(*shapes)))
+def _plain_overlap(convex: FloatArray, ring: FloatArray) -> tuple[float, float, float]:
+    """Do as `convex_overlap`, also of polygons that turn inwards or cross themselves."""
+    shapes = [shapely.Polygon(o if len(o) > 2 else None).buffer(0.0) for o in (convex, ring)]
+    return shapes[0].area, shapes[1].area, shapes[0].intersection(shapes[1]).area

@@ -413,9 +413,10 @@ EXPORTED void tacstrip_hull_ends(const double *points, Int n, const double *x, I
 EXPORTED Int tacstrip_convex_reach(const double *ring, Int corners, const double *points, Int below, Int above, Int bodies,
                                    const double *edges, double within, double *reached, double *workspace);
 
-/* Return the area that a convex polygon (corners, 2), counter-clockwise, shares with a ring (count, 2) that does not cross
-   itself; negative where the polygon is not convex. workspace (4 (corners + 3),). */
-EXPORTED double tacstrip_convex_overlap(const double *convex, Int corners, const double *ring, Int count, double *workspace);
+/* Write the areas (3,) of a convex polygon (corners, 2), counter-clockwise, of a ring (count, 2) that does not cross itself, and
+   what both share; return 0 where the polygon is not convex. workspace (4 (corners + 3),). */
+EXPORTED Int tacstrip_convex_overlap(const double *convex, Int corners, const double *ring, Int count, double *areas,
+                                     double *workspace);
 
 /* Move the vertices (count, 2) of a polygon by their covariance (2 count, 2 count) as normal (draws, 2 count) numbers say: off
    (draws, count, 2), and the area that its edges sweep at most, areas (draws,). A covariance may be singular.

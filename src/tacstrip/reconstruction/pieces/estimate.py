@@ -274,14 +274,12 @@ def _verdict(
             f"{int(traced.hidden.sum())} of its {len(traced.hidden)} corners are hidden behind other pieces"
         )
     if count > 1:
-        areas, shared = _shared(traced.vertices, bounds)
-        union = np.maximum(
-            areas[0] + areas[1:] - shared, _NO_AREA
-        )  # of a piece that is a line: nothing is known
-        notes.append(
-            f"its smallest and largest outline overlap by an IoU of {areas[1] / max(areas[2], _NO_AREA):.2f}"
-        )
-        if np.mean(shared / union) < _PROMISED:
+        own, least, both = convex_overlap(traced.vertices, bounds.smallest)
+        _, most, shared = convex_overlap(traced.vertices, bounds.largest)
+        notes.append(f"its smallest and largest outline overlap by an IoU of {least / max(most, _NO_AREA):.2f}")
+        # Of a piece that is a line nothing is known.
+        overlaps = both / max(own + least - both, _NO_AREA), shared / max(own + most - shared, _NO_AREA)
+        if 0.5 * sum(overlaps) < _PROMISED:
             doubts.append(
                 "between the two its shape is open: a second layer, or scans while it moves, would tell"
             )
@@ -300,23 +298,11 @@ def _overlap(a: FloatArray, b: FloatArray) -> float:
 
 def _error(run: RunPieces, traced: PieceOutline, sensor: Sensor) -> float:
     """Return the share of a piece's area that noise, and ends between two strips, leave open on average."""
-    size = _area(traced.vertices)
+    size = abs(area(traced.vertices))
     if not size > 0.0:
         return 1.0
     width = float(np.ptp(traced.vertices[:, 0]))
     return float(_ALIKE * run.open_mm * width / size + 0.5 * sensor.pitch_mm / width)
-
-
-def _shared(outline: FloatArray, bounds: Bounds) -> tuple[FloatArray, FloatArray]:
-    """Return the areas of an outline, `smallest` and `largest` (3,), and what the first shares with the others (2,)."""
-    rings = (outline, bounds.smallest, bounds.largest)
-    return np.array([_area(ring) for ring in rings]), np.array(
-        [convex_overlap(outline, ring) for ring in rings[1:]]
-    )
-
-
-def _area(ring: FloatArray) -> float:
-    return abs(area(ring)) if len(ring) > 2 else 0.0
 
 
 @takes(scan=Scan, sensor=Sensor, noise=Noise)
