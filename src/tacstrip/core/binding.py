@@ -222,7 +222,7 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "convex_cuts": (_INT, (*[_POINTER] * 3, _INT, *[_POINTER] * 4)),
     "convex_polyline": (_INT, (*[_POINTER] * 3, _INT, _DOUBLE, *[_POINTER] * 5)),
     "sure_strips": (_INT, (*[_POINTER] * 3, _INT, _POINTER, _INT, *[_POINTER] * 3)),
-    "hull_ends": (None, (_POINTER, _INT, _POINTER, _INT, *[_POINTER] * 3)),
+    "hull_ends": (None, (_POINTER, _INT, _POINTER, _INT, _POINTER, _POINTER)),
     "convex_reach": (
         _INT,
         (_POINTER, _INT, _POINTER, *[_INT] * 3, _POINTER, _DOUBLE, _POINTER, _POINTER),

@@ -409,15 +409,17 @@ static void sort_by_x(const double *points, Int *order, Int n, Int *spare) {
   }
 }
 
-void tacstrip_hull_ends(const double *points, Int n, const double *x, Int strips, double *ends, Int *places,
-                        double *workspace) {
-  Int *order = places;
+void tacstrip_hull_ends(const double *points, Int n, const double *x, Int strips, double *ends, double *workspace) {
+  Int *order = (Int *)(workspace + 2 * n);
+  Word nothing;
+  nothing.bits = 0x7ff8000000000000LL; /* NaN */
   CHECK(n > 0);
-  sort_by_x(points, order, n, places + n);
+  sort_by_x(points, order, n, order + n);
   for (int side = 0; side < 2; side++) {
     double sign = side ? -1.0 : 1.0, *hull = workspace;
     Int count = half_hull(points, order, n, sign, hull), j = 0;
     for (Int k = 0; k < strips; k++) {
+      ends[side * strips + k] = nothing.value;
       if (!(x[k] >= hull[0] && x[k] <= hull[2 * count - 2])) continue;
       while (j + 1 < count && hull[2 * j + 2] <= x[k]) j++;
       const double *a = hull + 2 * j, *b = a + 2;

@@ -123,10 +123,9 @@ def hull_ends(points: FloatArray, x: FloatArray) -> FloatArray:
     core = exported("hull_ends")
     if core is None:
         return np.stack([_plain_lower_hull(points, x), -_plain_lower_hull(points * (1.0, -1.0), x)])
-    found, m = np.full((2, len(x)), np.nan), len(points)
+    found, room = np.empty((2, len(x))), np.empty(4 * len(points))
     points, x = np.ascontiguousarray(points), np.ascontiguousarray(x)
-    places, room = np.empty(2 * m, dtype=np.int64), np.empty(2 * m)
-    core(at(points), m, at(x), len(x), at(found), at(places), at(room))
+    core(at(points), len(points), at(x), len(x), at(found), at(room))
     return found
 
 

@@ -401,10 +401,9 @@ EXPORTED Int tacstrip_convex_polyline(const double *x, const double *y, const do
 EXPORTED Int tacstrip_sure_strips(const double *x, const double *y, const double *weight, Int n, const Int *cuts, Int count,
                                   Int *sure, Int *places, double *workspace);
 
-/* Write the lower and the upper end of the convex hull of points (n, 2) at x (strips,), ascending, to ends (2, strips); beside
-   it these stay. places (2 n,), workspace (2 n,). */
-EXPORTED void tacstrip_hull_ends(const double *points, Int n, const double *x, Int strips, double *ends, Int *places,
-                                 double *workspace);
+/* Write the lower and the upper end of the convex hull of points (n, 2) at x (strips,), ascending, to ends (2, strips), NaN
+   beside it. workspace (4 n,). */
+EXPORTED void tacstrip_hull_ends(const double *points, Int n, const double *x, Int strips, double *ends, double *workspace);
 
 /* Write up to where a convex body may reach that holds a ring (corners, 2), counter-clockwise, within edges (4,): left, right,
    bottom, top. It holds none of points (below + above + bodies, 2), nor a place straight below the first `below`, or above the

@@ -172,9 +172,11 @@ def _points(part: Part, pitch: float) -> tuple[FloatArray, FloatArray]:
     covariance = (by * stretch.variances.ravel()) @ by.T
     anywhere = pitch**2 / 12.0
     for i, line in ((0, 0), (last, last - 1)):  # an end lies anywhere within a pitch
-        steep = sign * slope[line]
-        block = covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2]
-        block += [[anywhere, anywhere * steep], [anywhere * steep, anywhere * steep**2]]
+        at_x, at_y, steep = 2 * i, 2 * i + 1, sign * slope[line]
+        covariance[at_x, at_x] += anywhere
+        covariance[at_x, at_y] += anywhere * steep
+        covariance[at_y, at_x] += anywhere * steep
+        covariance[at_y, at_y] += anywhere * steep**2
     return corners, covariance
 
 
@@ -205,8 +207,9 @@ def _arc(points: FloatArray, covariance: FloatArray, exact: tuple[bool, bool], t
     after = np.array([0.0, turn]) if exact[1] else last
     if turn > 0.0:
         return _Arc(0, points, covariance, exact, (before, after))
-    flipped = np.arange(2 * len(points)).reshape(-1, 2)[::-1].ravel()
-    return _Arc(1, points[::-1], covariance[np.ix_(flipped, flipped)], exact[::-1], (after, before))
+    n = len(points)
+    flipped = covariance.reshape(n, 2, n, 2)[::-1, :, ::-1].reshape(2 * n, 2 * n)
+    return _Arc(1, points[::-1], flipped, exact[::-1], (after, before))
 
 
 def _furthest(
