@@ -108,14 +108,14 @@ def polyline(
 
 
 def sure_strips(x: FloatArray, y: FloatArray, weight: FloatArray, cuts: list[int]) -> BoolArray:
-    """Return which strips (n,) belong to their stretch wherever the readings would allow the cuts (C,), ends included."""
+    """Return which strips (n,) belong to their stretch wherever the readings would allow the cuts (C,), with the end."""
     core = exported("sure_strips")
     if core is None:
         return _plain_sure_strips(x, y, weight, cuts)
     x, y, weight, places, room = _sent(x, y, weight)
     begins, found = np.array(cuts, dtype=np.int64), np.empty(len(x), dtype=np.int64)
     core(at(x), at(y), at(weight), len(x), at(begins), len(cuts) - 1, at(found), at(places), at(room))
-    return found != 0
+    return np.asarray(found != 0)
 
 
 def hull_ends(points: FloatArray, x: FloatArray) -> FloatArray:
@@ -150,13 +150,16 @@ def _per_line(strips: int) -> float:
 def _plain_lower_hull(points: FloatArray, x: FloatArray) -> FloatArray:
     points = points[np.lexsort((points[:, 1], points[:, 0]))]
     hull: list[tuple[float, float]] = []
-    for px, py in points[np.append(True, np.diff(points[:, 0]) > 0.0)].tolist():  # of those on one x the lowest
+    for px, py in points[
+        np.append(True, np.diff(points[:, 0]) > 0.0)
+    ].tolist():  # of those on one x the lowest
         while len(hull) > 1 and (hull[-1][0] - hull[-2][0]) * (py - hull[-2][1]) <= (px - hull[-2][0]) * (
             hull[-1][1] - hull[-2][1]
         ):
             hull.pop()
         hull.append((px, py))
-    return np.interp(x, *np.array(hull).T, left=np.nan, right=np.nan)
+    found = np.array(hull)
+    return np.asarray(np.interp(x, found[:, 0], found[:, 1], left=np.nan, right=np.nan))
 
 
 def _plain_sure_strips(x: FloatArray, y: FloatArray, weight: FloatArray, cuts: list[int]) -> BoolArray:

@@ -114,7 +114,9 @@ def end_deviations(
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         of_l, of_u, _ = _variances(sensor, l, u)
         # What the readings leave open, NaN among it, is as uncertain as the strip is long.
-        return np.fmin(sigma * np.sqrt(of_l), sensor.length_mm), np.fmin(sigma * np.sqrt(of_u), sensor.length_mm)
+        return np.fmin(sigma * np.sqrt(of_l), sensor.length_mm), np.fmin(
+            sigma * np.sqrt(of_u), sensor.length_mm
+        )
 
 
 def closed_ends(sensor: Sensor, kh: FloatArray, kl: FloatArray) -> tuple[FloatArray, FloatArray]:

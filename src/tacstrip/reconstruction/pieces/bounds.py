@@ -100,7 +100,8 @@ def _inside(held: FloatArray, read: Read, slack_l: FloatArray, slack_u: FloatArr
     """Return points (M, 2) on strips that a piece surely covers."""
     if not len(held):
         return held
-    low, high = hull_ends(held, read.x) + (slack_l, -slack_u)
+    low, high = hull_ends(held, read.x)
+    low, high = low + slack_l, high - slack_u
     thick = low < high
     x = read.x[thick]
     return np.concatenate([np.column_stack([x, low[thick]]), np.column_stack([x, high[thick]])])

@@ -189,9 +189,9 @@ def _of_run(run: RunPieces, sensor: Sensor, strips: slice, before: int) -> list[
         key=lambda group: min((p.stretch.start, p.side) for p in group),
     )
     hulls = [shown_hull(group, run.read) for group in groups]
-    bounds = piece_bounds(groups, run.chains, run.read, sensor.pitch_mm, sensor.length_mm)
+    every = piece_bounds(groups, run.chains, run.read, sensor.pitch_mm, sensor.length_mm)
     found = []
-    for i, group in enumerate(groups):
+    for i, (group, bounds) in enumerate(zip(groups, every, strict=True)):
         traced = trace(group, run.read, hulls[:i] + hulls[i + 1 :], sensor.pitch_mm)
         start = min(p.stretch.start for p in group) + strips.start
         stop = max(p.stretch.stop for p in group) + strips.start
@@ -201,11 +201,11 @@ def _of_run(run: RunPieces, sensor: Sensor, strips: slice, before: int) -> list[
             if j != i and (not run.apart or _meet(group, other, GAP * sensor.length_mm))
         )
         crossed = run.apart and any(_overlap(hulls[i], h) > _OVERLAP for j, h in enumerate(hulls) if j != i)
-        status, advice = _verdict(run, traced, bounds[i], sensor, strips, crossed)
+        status, advice = _verdict(run, traced, bounds, sensor, strips, crossed)
         found.append(
             Piece(
-                traced.vertices, traced.hidden, slice(start, stop), status, advice, traced.covariance, bounds[i].smallest,
-                bounds[i].largest, others, traced.hidden_edges,
+                traced.vertices, traced.hidden, slice(start, stop), status, advice, traced.covariance, bounds.smallest,
+                bounds.largest, others, traced.hidden_edges,
             )
         )  # fmt: skip
     return found
@@ -276,7 +276,9 @@ def _verdict(
     if count > 1:
         own, least, both = convex_overlap(traced.vertices, bounds.smallest)
         _, most, shared = convex_overlap(traced.vertices, bounds.largest)
-        notes.append(f"its smallest and largest outline overlap by an IoU of {least / max(most, _NO_AREA):.2f}")
+        notes.append(
+            f"its smallest and largest outline overlap by an IoU of {least / max(most, _NO_AREA):.2f}"
+        )
         # Of a piece that is a line nothing is known.
         overlaps = both / max(own + least - both, _NO_AREA), shared / max(own + most - shared, _NO_AREA)
         if 0.5 * sum(overlaps) < _PROMISED:

@@ -105,7 +105,7 @@ class RunPieces:
 
 def _median(values: FloatArray) -> float:
     """Return the median of some numbers: NumPy's takes ten times as long."""
-    found = np.sort(values).tolist()
+    found: list[float] = np.sort(values).tolist()
     return 0.5 * (found[(len(found) - 1) // 2] + found[len(found) // 2])
 
 
