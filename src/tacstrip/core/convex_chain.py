@@ -108,7 +108,7 @@ def polyline(
 
 
 def sure_strips(x: FloatArray, y: FloatArray, weight: FloatArray, cuts: list[int]) -> BoolArray:
-    """Return which strips (n,) belong to their stretch wherever the readings would allow the cuts (C,), with the end."""
+    """Return which strips (n,) belong to their stretch wherever the readings allow the cuts (C,), with the end."""
     core = exported("sure_strips")
     if core is None:
         return _plain_sure_strips(x, y, weight, cuts)
