@@ -17,7 +17,16 @@ from layered_scenes import two_triangles
 from polygons import convex_polygon
 from rigid_scenes import rigid_scene
 from tacstrip.contact.press.patch import samples
-from tacstrip.core.convex_chain import best_lines, convex_cuts, convex_regression, lower_hull, polyline
+from tacstrip.core.convex_chain import (
+    best_lines,
+    convex_cuts,
+    convex_regression,
+    hull_ends,
+    polyline,
+    sure_strips,
+)
+from tacstrip.core.convex_overlap import convex_overlap
+from tacstrip.core.convex_reach import convex_reach
 from tacstrip.core.ellipse import fit_ellipse
 from tacstrip.core.hit_and_run import hit_and_run
 from tacstrip.core.hull import HullScans, fit_hull_poses, hull_equations
@@ -124,8 +133,21 @@ def convex_chains() -> Iterable[ArrayLike]:
         y = 0.02 * (x - 30.0) ** 2 + 8.0 * (x > 60.0) + random.normal(0.0, 0.2, n)
         weight = random.uniform(10.0, 40.0, n)
         yield from (*convex_regression(x, y, weight), *convex_regression(x, y, weight, -1.0))
-        yield from (*best_lines(x, y, weight, 20.0, 6.0), *convex_cuts(x, y, weight))
-        yield from (*polyline(x, y, weight, 1.5), lower_hull(np.column_stack([x, y]), x))
+        cuts, gains = convex_cuts(x, y, weight)
+        yield from (*best_lines(x, y, weight, 20.0, 6.0), cuts, gains, sure_strips(x, y, weight, cuts))
+        yield from (*polyline(x, y, weight, 1.5), hull_ends(np.column_stack([x, y])[::-1], x))
+
+
+@case
+def reaches() -> Iterable[ArrayLike]:
+    """How far a box may reach between readings, and what a triangle shares with that."""
+    box = np.array([(40.0, 40.0), (50.0, 40.0), (50.0, 50.0), (40.0, 50.0)])
+    triangle = np.array([(30.0, 30.0), (70.0, 35.0), (45.0, 65.0)])
+    for strips in (5, 40):
+        x = np.linspace(2.0, 98.0, strips)
+        below, above = np.column_stack([x, 10.0 + 0.2 * x]), np.column_stack([x, 85.0 - 0.15 * x])
+        reached = convex_reach(box, below, above, np.array([[60.0, 55.0]]), (0.0, 100.0, 0.0, 100.0), 1e-3)
+        yield from (reached, convex_overlap(triangle, reached))
 
 
 @case

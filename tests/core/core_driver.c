@@ -199,6 +199,16 @@ static void paths_and_chains(void) {
   show("cuts", cuts, (stretches + 1) * sizeof *cuts);
   Int count = tacstrip_convex_polyline(x_mm, end, level, STRIPS, 1.0, fitted, lines, chi, places, room);
   show("lines", lines, 5 * count * sizeof *lines);
+  Int sure[STRIPS];
+  tacstrip_sure_strips(x_mm, end, level, STRIPS, cuts, stretches, sure, places, room);
+  show("sure", sure, sizeof sure);
+  double ends[2 * STRIPS], points[2 * STRIPS];
+  for (int i = 0; i < STRIPS; i++) {
+    points[2 * i] = x_mm[(7 * i) % STRIPS];
+    points[2 * i + 1] = end[i];
+  }
+  tacstrip_hull_ends(points, STRIPS, x_mm, STRIPS, ends, room);
+  show("ends", ends, sizeof ends);
 }
 
 /* How far a box may reach between readings. */
@@ -210,8 +220,11 @@ static void reach(void) {
     points[2 * i] = i < 2 * STRIPS ? (i % STRIPS) * 100.0 / STRIPS : 60.0;
     points[2 * i + 1] = i < STRIPS ? 10.0 + i : i < 2 * STRIPS ? 80.0 - 0.5 * (i - STRIPS) : 55.0;
   }
-  Int count = tacstrip_convex_reach(ring, 4, points, STRIPS, STRIPS, 1, edges, reached, room);
+  Int count = tacstrip_convex_reach(ring, 4, points, STRIPS, STRIPS, 1, edges, 1e-3, reached, room);
   show("reach", reached, 2 * count * sizeof *reached);
+  double areas[3];
+  tacstrip_convex_overlap(ring, 4, reached, count, areas, room);
+  show("areas", areas, sizeof areas);
 }
 
 static const double BOX[8] = {-9.0, -9.0, 9.0, -9.0, 9.0, 9.0, -9.0, 9.0};

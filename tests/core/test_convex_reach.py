@@ -31,9 +31,9 @@ def _readings() -> list[Readings]:
 
 @pytest.mark.parametrize("readings", _readings(), ids=lambda r: f"{len(r[1])}-{len(r[0])}")
 def test_reach_is_that_of_numpy(readings: Readings, monkeypatch: pytest.MonkeyPatch) -> None:
-    compiled = shapely.Polygon(convex_reach(*readings, _EDGES))
+    compiled = shapely.Polygon(convex_reach(*readings, _EDGES, 1e-3))
     monkeypatch.setattr(module, "exported", lambda name: None)
-    plain = shapely.Polygon(convex_reach(*readings, _EDGES))
+    plain = shapely.Polygon(convex_reach(*readings, _EDGES, 1e-3))
     # At a corner rounding says which line stops a ray, and so where thin cones between readings are looked for.
     # By places, for the sanitizers do not bear exceptions of GEOS.
     places = shapely.points(np.random.default_rng(1).uniform(0.0, 100.0, (2000, 2)))
@@ -44,7 +44,7 @@ def test_what_is_not_reached_contradicts_a_reading_and_hardly_a_place_that_is() 
     """Between the rays a thin cone may be missed."""
     missed, places = 0, np.random.default_rng(0).uniform(0.5, 99.5, (60, 2))
     for ring, below, above, bodies in _readings():
-        reached = shapely.Polygon(convex_reach(ring, below, above, bodies, _EDGES))
+        reached = shapely.Polygon(convex_reach(ring, below, above, bodies, _EDGES, 1e-3))
         shut = [shapely.LineString([p, (p[0], -1e3)]) for p in below]
         shut += [shapely.LineString([p, (p[0], 1e3)]) for p in above] + [shapely.Point(p) for p in bodies]
         for place in shapely.points(places):
@@ -53,3 +53,15 @@ def test_what_is_not_reached_contradicts_a_reading_and_hardly_a_place_that_is() 
                 assert contradicts
             missed += contradicts and reached.contains(place)
     assert missed < 0.02 * len(places) * len(_readings())
+
+
+@pytest.mark.parametrize("within", [0.01, 1.0, 8.0])
+def test_corners_left_out_change_the_reach_by_no_more(within: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    compiled = [[convex_reach(*r, _EDGES, w) for w in (0.0, within)] for r in _readings()]
+    monkeypatch.setattr(module, "exported", lambda name: None)
+    fewer = 0
+    for whole, found in compiled:
+        np.testing.assert_allclose(found, module._simplified(whole, within), rtol=0.0, atol=1e-12)
+        assert shapely.distance(shapely.LinearRing(found), shapely.points(whole)).max() <= 2.0 * within
+        fewer += len(found) < len(whole)
+    assert fewer > len(compiled) // 2

@@ -333,6 +333,16 @@ def test_untouched_strips_between_two_objects_keep_them_apart_and_dead_ones_spli
     assert len(ts.track(scans, sensor, NOISE)) == 1  # the spec does not know that strip 9 is dead
 
 
+def test_parts_of_one_contact_belong_together_also_where_nothing_was_seen_to_join() -> None:
+    """An object put down on another one's strips makes no contact more; when it slides off, there are two."""
+    k = np.full((4, 2, 12), np.nan)
+    for scan, touched in enumerate(([2, 3, 4], [2, 3, 4, 5, 6], [2, 3, 4, 6, 7], [3, 4, 7, 8])):
+        k[scan, :, touched] = 0.5
+    whole, *parts = episodes(k)
+    assert [e.scans for e in (whole, *parts)] == [[0, 1], [2, 3], [2, 3]]
+    assert all(any(e is other for other in whole.group) for e in parts)
+
+
 def test_episodes_go_on_round_a_tube() -> None:
     k = np.full((14, 1, 6), np.nan)
     for scan in range(14):

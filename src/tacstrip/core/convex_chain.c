@@ -132,6 +132,12 @@ static double convex_cost(const End *e) {
   return cost;
 }
 
+/* Chi square of the nearest convex functions before and from a cut at c. */
+static double costs_about(const End *e, Int a, Int c, Int b) {
+  End left = part(e, a, c), right = part(e, c, b);
+  return (c - a > 2 ? convex_cost(&left) : 0.0) + (b - c > 2 ? convex_cost(&right) : 0.0);
+}
+
 static double per_line(Int strips) { return PER_LINE * natural_log((double)(strips > 2 ? strips : 2)) + ALSO; }
 
 /* Write where the lines begin, with the end of all, to begins (n + 1,), and return how many lines. */
@@ -350,10 +356,34 @@ Int tacstrip_convex_polyline(const double *x, const double *y, const double *wei
   }
 }
 
-Int tacstrip_lower_hull(const double *points, Int n, double *hull) {
+Int tacstrip_sure_strips(const double *x, const double *y, const double *weight, Int n, const Int *cuts, Int count, Int *sure,
+                         Int *places, double *workspace) {
+  End e = {x, y, weight, n, places, workspace};
+  Int unsure = 0;
+  for (Int k = 0; k < n; k++) sure[k] = 1;
+  for (Int i = 1; i < count; i++) {
+    Int a = cuts[i - 1], b = cuts[i + 1];
+    double here = costs_about(&e, a, cuts[i], b);
+    for (Int step = -1; step < 2; step += 2) {
+      for (Int place = cuts[i] + step; a <= place && place <= b; place += step) {
+        if (!(costs_about(&e, a, place, b) < here + CONTRADICTED)) break;
+        unsure += sure[step < 0 ? place : place - 1];
+        sure[step < 0 ? place : place - 1] = 0;
+      }
+    }
+  }
+  return n - unsure;
+}
+
+/* Write the lower (sign 1) or upper (-1) chain of the convex hull of points in `order`, ascending in x, and return how many. */
+static Int half_hull(const double *points, const Int *order, Int n, double sign, double *hull) {
   Int count = 0;
   for (Int i = 0; i < n; i++) {
-    double x = points[2 * i], y = points[2 * i + 1];
+    double x = points[2 * order[i]], y = sign * points[2 * order[i] + 1];
+    if (count && hull[2 * count - 2] == x) { /* of those on one x the lowest */
+      if (y >= hull[2 * count - 1]) continue;
+      count--;
+    }
     while (count > 1) {
       const double *a = hull + 2 * (count - 2), *b = hull + 2 * (count - 1);
       if ((b[0] - a[0]) * (y - a[1]) > (x - a[0]) * (b[1] - a[1])) break;
@@ -363,4 +393,37 @@ Int tacstrip_lower_hull(const double *points, Int n, double *hull) {
     hull[2 * count++ + 1] = y;
   }
   return count;
+}
+
+/* Sort places (n,) by the x of their points, keeping the order of those on one x; spare (n,). */
+static void sort_by_x(const double *points, Int *order, Int n, Int *spare) {
+  for (Int i = 0; i < n; i++) order[i] = i;
+  for (Int width = 1; width < n; width *= 2) {
+    for (Int start = 0; start < n; start += 2 * width) {
+      Int middle = start + width < n ? start + width : n, stop = start + 2 * width < n ? start + 2 * width : n;
+      Int i = start, j = middle;
+      for (Int k = start; k < stop; k++)
+        spare[k] = i < middle && (j == stop || points[2 * order[i]] <= points[2 * order[j]]) ? order[i++] : order[j++];
+    }
+    for (Int k = 0; k < n; k++) order[k] = spare[k];
+  }
+}
+
+void tacstrip_hull_ends(const double *points, Int n, const double *x, Int strips, double *ends, double *workspace) {
+  Int *order = (Int *)(workspace + 2 * n);
+  Word nothing;
+  nothing.bits = 0x7ff8000000000000LL; /* NaN */
+  CHECK(n > 0);
+  sort_by_x(points, order, n, order + n);
+  for (int side = 0; side < 2; side++) {
+    double sign = side ? -1.0 : 1.0, *hull = workspace;
+    Int count = half_hull(points, order, n, sign, hull), j = 0;
+    for (Int k = 0; k < strips; k++) {
+      ends[side * strips + k] = nothing.value;
+      if (!(x[k] >= hull[0] && x[k] <= hull[2 * count - 2])) continue;
+      while (j + 1 < count && hull[2 * j + 2] <= x[k]) j++;
+      const double *a = hull + 2 * j, *b = a + 2;
+      ends[side * strips + k] = sign * (j + 1 < count ? (b[1] - a[1]) / (b[0] - a[0]) * (x[k] - a[0]) + a[1] : a[1]);
+    }
+  }
 }

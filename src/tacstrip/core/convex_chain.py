@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from tacstrip.arrays import FloatArray, IntArray
+from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.core.binding import at, exported
 
 SPARE = 1e-9  # of the largest gradient: none is left
@@ -87,14 +87,14 @@ def polyline(
         Of its L lines (L + 1,), from half a pitch before the first strip to half a pitch after the last.
     lines
         Height at the middle of each, slope, and middle (L, 3).
-    covariances
-        Of height and slope (L, 2, 2).
+    variances
+        Of height and slope (L, 2), which are independent at the middle.
     chi_square
         What the nearest convex function leaves over.
     """
     if len(x) == 1:
         ends, flat = x[[0, -1]] + [-0.5 * pitch, 0.5 * pitch], np.array([[y[0], 0.0, x[0]]])
-        return ends, flat, np.array([np.diag([1.0 / weight[0], (y[0] / pitch) ** 2])]), 0.0
+        return ends, flat, np.array([[1.0 / weight[0], (y[0] / pitch) ** 2]]), 0.0
     core = exported("convex_polyline")
     if core is None:
         return _plain_polyline(x, y, weight, pitch)
@@ -104,20 +104,29 @@ def polyline(
     many = core(
         at(x), at(y), at(weight), n, pitch, at(borders), at(lines), at(chi_square), at(places), at(room)
     )
-    covariances = np.zeros((many, 2, 2))
-    covariances[:, [0, 1], [0, 1]] = lines[:many, 3:]
-    return borders[: many + 1], lines[:many, :3], covariances, float(chi_square[0])
+    return borders[: many + 1], lines[:many, :3], lines[:many, 3:], float(chi_square[0])
 
 
-def lower_hull(points: FloatArray, x: FloatArray) -> FloatArray:
-    """Return the height at x (n,) of the lower chain of the convex hull of points (m, 2)."""
-    core, points = exported("lower_hull"), points[np.lexsort((points[:, 1], points[:, 0]))]
-    if core is not None:
-        found = np.empty(points.shape)
-        hull = found[: core(at(points), len(points), at(found))]
-    else:
-        hull = _plain_lower_hull(points)
-    return np.asarray(np.interp(x, *hull.T))
+def sure_strips(x: FloatArray, y: FloatArray, weight: FloatArray, cuts: list[int]) -> BoolArray:
+    """Return which strips (n,) belong to their stretch wherever the readings allow the cuts (C,), with the end."""
+    core = exported("sure_strips")
+    if core is None:
+        return _plain_sure_strips(x, y, weight, cuts)
+    x, y, weight, places, room = _sent(x, y, weight)
+    begins, found = np.array(cuts, dtype=np.int64), np.empty(len(x), dtype=np.int64)
+    core(at(x), at(y), at(weight), len(x), at(begins), len(cuts) - 1, at(found), at(places), at(room))
+    return np.asarray(found != 0)
+
+
+def hull_ends(points: FloatArray, x: FloatArray) -> FloatArray:
+    """Return the lower and the upper end (2, n) of the convex hull of points (m, 2) at x (n,), NaN beside it."""
+    core = exported("hull_ends")
+    if core is None:
+        return np.stack([_plain_lower_hull(points, x), -_plain_lower_hull(points * (1.0, -1.0), x)])
+    found, room = np.empty((2, len(x))), np.empty(4 * len(points))
+    points, x = np.ascontiguousarray(points), np.ascontiguousarray(x)
+    core(at(points), len(points), at(x), len(x), at(found), at(room))
+    return found
 
 
 def height(line: FloatArray, x: float) -> float:
@@ -138,15 +147,36 @@ def _per_line(strips: int) -> float:
     return float(PER_LINE * np.log(max(strips, 2)) + ALSO)
 
 
-def _plain_lower_hull(points: FloatArray) -> FloatArray:
+def _plain_lower_hull(points: FloatArray, x: FloatArray) -> FloatArray:
+    points = points[np.lexsort((points[:, 1], points[:, 0]))]
     hull: list[tuple[float, float]] = []
-    for px, py in points.tolist():
+    for px, py in points[
+        np.append(True, np.diff(points[:, 0]) > 0.0)
+    ].tolist():  # of those on one x the lowest
         while len(hull) > 1 and (hull[-1][0] - hull[-2][0]) * (py - hull[-2][1]) <= (px - hull[-2][0]) * (
             hull[-1][1] - hull[-2][1]
         ):
             hull.pop()
         hull.append((px, py))
-    return np.array(hull)
+    found = np.array(hull)
+    return np.asarray(np.interp(x, found[:, 0], found[:, 1], left=np.nan, right=np.nan))
+
+
+def _plain_sure_strips(x: FloatArray, y: FloatArray, weight: FloatArray, cuts: list[int]) -> BoolArray:
+    """Do as `sure_strips`."""
+    sure = np.ones(len(x), dtype=np.bool_)
+
+    def cost(a: int, b: int) -> float:
+        return convex_cost(x[a:b], y[a:b], weight[a:b]) if b - a > 2 else 0.0
+
+    for a, c, b in zip(cuts[:-2], cuts[1:-1], cuts[2:], strict=True):
+        here = cost(a, c) + cost(c, b)
+        for step in (-1, 1):
+            place = c + step
+            while a <= place <= b and cost(a, place) + cost(place, b) < here + CONTRADICTED:
+                sure[place if step < 0 else place - 1] = False
+                place += step
+    return sure
 
 
 def _plain_regression(
@@ -225,12 +255,12 @@ def _plain_best_lines(
 
 
 def _line(x: FloatArray, y: FloatArray, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return height at the middle, slope and middle (3,) of the line through points, and its covariance (2, 2)."""
+    """Return height at the middle, slope and middle (3,) of the line through points, and the variances (2,) of two."""
     total = weight.sum()
     middle = float(weight @ x / total)
     spread = float(weight @ (x - middle) ** 2)
     slope = float(weight @ ((x - middle) * y)) / spread
-    return np.array([weight @ y / total, slope, middle]), np.diag([1.0 / total, 1.0 / spread])
+    return np.array([weight @ y / total, slope, middle]), np.array([1.0 / total, 1.0 / spread])
 
 
 def _goes_on(x: FloatArray, y: FloatArray, weight: FloatArray, a: int, c: int, b: int) -> bool:
@@ -318,7 +348,7 @@ def _plain_polyline(
         wrong = np.flatnonzero((np.diff(slope) <= 0.0) | ~np.isfinite(meet))
         late = np.flatnonzero(~(np.diff(borders) > 0.0))
         if not len(wrong) and not len(late):
-            return borders, lines, np.stack([covariance for _, covariance in found]), chi_square
+            return borders, lines, np.stack([variances for _, variances in found]), chi_square
         # Lines that make no convex chain are one: the pair that costs least.
         places = wrong if len(wrong) else np.unique(np.clip([late - 1, late], 0, len(meet) - 1))
         worse = [_joint_cost(x, y, weight, cuts[i], cuts[i + 2]) for i in places]

@@ -92,8 +92,50 @@ static Int put(Ray *rays, Int count, double theta, const Cone *cones, Int shut) 
   return count + 1;
 }
 
+static double distance_to(const double *p, const double *a, const double *b) {
+  double along[2] = {b[0] - a[0], b[1] - a[1]}, to[2] = {p[0] - a[0], p[1] - a[1]};
+  double size = along[0] * along[0] + along[1] * along[1];
+  double share = size > 0.0 ? clip((to[0] * along[0] + to[1] * along[1]) / size, 0.0, 1.0) : 0.0;
+  double off[2] = {to[0] - share * along[0], to[1] - share * along[1]};
+  return sqrt(off[0] * off[0] + off[1] * off[1]);
+}
+
+/* Keep, among those between two points, the ones that the line between what is kept would miss (Douglas and Peucker). */
+static void keep_between(const double *points, Int count, Int from, Int to, double within, int *kept) {
+  double furthest = within;
+  Int at = from;
+  for (Int i = from + 1; i < to; i++) {
+    double off = distance_to(points + 2 * i, points + 2 * from, points + 2 * (to % count));
+    if (off > furthest) {
+      furthest = off;
+      at = i;
+    }
+  }
+  if (at == from) return;
+  kept[at] = 1;
+  keep_between(points, count, from, at, within, kept);
+  keep_between(points, count, at, to, within, kept);
+}
+
+/* Leave out, in place, corners of a ring without which it lies as near as that; return how many stay. */
+static Int simplify(double *points, Int count, double within) {
+  int kept[MOST_RAYS];
+  Int last = count - 1, second = 1, stay = 0;
+  for (Int i = 0; i < count; i++) kept[i] = !i;
+  keep_between(points, count, 0, count, within, kept);
+  while (last > 0 && !kept[last]) last--;
+  while (second < count - 1 && !kept[second]) second++;
+  kept[0] = last - second < 2 || distance_to(points, points + 2 * last, points + 2 * second) > within;
+  for (Int i = 0; i < count; i++) {
+    if (!kept[i]) continue;
+    points[2 * stay] = points[2 * i];
+    points[2 * stay++ + 1] = points[2 * i + 1];
+  }
+  return stay;
+}
+
 Int tacstrip_convex_reach(const double *ring, Int corners, const double *points, Int below, Int above, Int bodies,
-                          const double *edges, double *reached, double *workspace) {
+                          const double *edges, double within, double *reached, double *workspace) {
   Cone *cones = (Cone *)workspace;
   Ray rays[MOST_RAYS];
   double middle[2] = {0.0, 0.0}, box[4] = {edges[0], edges[1], edges[2], edges[3]};
@@ -158,5 +200,5 @@ Int tacstrip_convex_reach(const double *ring, Int corners, const double *points,
     reached[2 * written] = middle[0] + ray->radius * cosine(ray->theta);
     reached[2 * written++ + 1] = middle[1] + ray->radius * sine(ray->theta);
   }
-  return written;
+  return simplify(reached, written, within);
 }

@@ -21,15 +21,17 @@ def convex_reach(
     above: FloatArray,
     bodies: FloatArray,
     edges: tuple[float, float, float, float],
+    within: float,
 ) -> FloatArray:
     """Return the places (M, 2) up to which a convex body may reach that holds a convex ring (N, 2), counter-clockwise.
 
     It holds no point of `bodies` (B, 2), nor one straight below those of `below`, or above those of `above` (n, 2), and
-    stays within `edges`: left, right, bottom, top. Rays from the ring's middle, and the corners between them.
+    stays within `edges`: left, right, bottom, top. Rays from the ring's middle, and the corners between them, without
+    those that change the whole by `within` [mm] at most.
     """
     core = exported("convex_reach")
     if core is None:
-        return _plain_reach(ring, below, above, bodies, edges)
+        return _simplified(_plain_reach(ring, below, above, bodies, edges), within)
     ring, points = np.ascontiguousarray(ring), np.concatenate([below, above, bodies])
     walls, reached, room = (
         np.array(edges),
@@ -37,8 +39,9 @@ def convex_reach(
         np.empty(_CONE * (len(points) + _WALLS)),
     )
     rays = core(
-        at(ring), len(ring), at(points), len(below), len(above), len(bodies), at(walls), at(reached), at(room)
-    )
+        at(ring), len(ring), at(points), len(below), len(above), len(bodies), at(walls), within, at(reached),
+        at(room),
+    )  # fmt: skip
     return reached[:rays]
 
 
@@ -107,6 +110,30 @@ def _plain_reach(
     # Of rays that one line stops, the outer ones.
     outer = (active != np.roll(active, 1)) | (active != np.roll(active, -1))
     return np.asarray(middle + (radius[:, None] * np.column_stack([np.cos(theta), np.sin(theta)]))[outer])
+
+
+def _simplified(ring: FloatArray, within: float) -> FloatArray:
+    """Return a ring without corners that change it by so much at most (Douglas and Peucker), the first one at last."""
+    closed = np.concatenate([ring, ring[:1]])
+
+    def kept(start: int, stop: int) -> list[int]:
+        off = _distances(closed[start + 1 : stop], closed[start], closed[stop])
+        if off.max(initial=within) <= within:
+            return [start]
+        at = start + 1 + int(off.argmax())
+        return [*kept(start, at), *kept(at, stop)]
+
+    found = ring[kept(0, len(ring))]
+    needless = len(found) > 3 and _distances(found[:1], found[-1], found[1])[0] <= within
+    return found[1:] if needless else found
+
+
+def _distances(points: FloatArray, a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return how far points (n, 2) lie from the line between two."""
+    along = b - a
+    size = float(along @ along)
+    share = np.clip((points - a) @ along / size, 0.0, 1.0) if size > 0.0 else np.zeros(len(points))
+    return np.asarray(np.hypot(*(points - a - share[:, None] * along).T))
 
 
 def _first_shut(theta: FloatArray, normals: FloatArray, gap: FloatArray) -> tuple[FloatArray, IntArray]:

@@ -14,7 +14,7 @@
 #ifndef TACSTRIP_CORE_H
 #define TACSTRIP_CORE_H
 
-#define TACSTRIP_VERSION 14 /* goes up whenever a function or a struct of this file changes */
+#define TACSTRIP_VERSION 15 /* goes up whenever a function or a struct of this file changes */
 
 #define MAX_VERTICES 16        /* interior vertices of a polygon */
 #define END_ENTRIES 6          /* entries of theta before the first vertex */
@@ -375,7 +375,7 @@ EXPORTED double tacstrip_rigid_path(const Scans *scans, const Loss *loss, const 
                                     double least, double *costs, double *workspace);
 
 /* Write the convex function (sign 1; -1: concave) nearest to y (n,) at x (n,), ascending, to fitted (n,), by least squares with
-   weights (n,), and return its kinks. Here and in the next three: places (2 n + 2,), workspace (9 n + 7,). */
+   weights (n,), and return its kinks. Here and in the next four: places (2 n + 2,), workspace (9 n + 7,). */
 EXPORTED Int tacstrip_convex_regression(const double *x, const double *y, const double *weight, Int n, double sign,
                                         double *fitted, Int *places, double *workspace);
 
@@ -396,16 +396,26 @@ EXPORTED Int tacstrip_convex_polyline(const double *x, const double *y, const do
                                       double *borders, double *lines, double *chi_square, Int *places,
                                       double *workspace);
 
-/* Write the lower chain of the convex hull of points (n, 2), ascending in x and, at one x, in y, to hull (n, 2) from left to
-   right; return how many points. */
-EXPORTED Int tacstrip_lower_hull(const double *points, Int n, double *hull);
+/* Write which strips belong to their stretch wherever the readings would allow the cuts (count + 1,), the ends among them, to
+   sure (n,): 1 or 0; return how many do. */
+EXPORTED Int tacstrip_sure_strips(const double *x, const double *y, const double *weight, Int n, const Int *cuts, Int count,
+                                  Int *sure, Int *places, double *workspace);
+
+/* Write the lower and the upper end of the convex hull of points (n, 2) at x (strips,), ascending, to ends (2, strips), NaN
+   beside it. workspace (4 n,). */
+EXPORTED void tacstrip_hull_ends(const double *points, Int n, const double *x, Int strips, double *ends, double *workspace);
 
 /* Write up to where a convex body may reach that holds a ring (corners, 2), counter-clockwise, within edges (4,): left, right,
    bottom, top. It holds none of points (below + above + bodies, 2), nor a place straight below the first `below`, or above the
-   next `above`. reached (640, 2), in the order of the angle as seen from the ring's middle; returns how many.
-   workspace (8 (below + above + bodies + 4),). */
+   next `above`. reached (640, 2), in the order of the angle as seen from the ring's middle, without corners that change it by
+   `within` at most; returns how many. workspace (8 (below + above + bodies + 4),). */
 EXPORTED Int tacstrip_convex_reach(const double *ring, Int corners, const double *points, Int below, Int above, Int bodies,
-                                   const double *edges, double *reached, double *workspace);
+                                   const double *edges, double within, double *reached, double *workspace);
+
+/* Write the areas (3,) of a convex polygon (corners, 2), counter-clockwise, of a ring (count, 2) that does not cross itself, and
+   what both share; return 0 where the polygon is not convex. workspace (4 (corners + 3),). */
+EXPORTED Int tacstrip_convex_overlap(const double *convex, Int corners, const double *ring, Int count, double *areas,
+                                     double *workspace);
 
 /* Move the vertices (count, 2) of a polygon by their covariance (2 count, 2 count) as normal (draws, 2 count) numbers say: off
    (draws, count, 2), and the area that its edges sweep at most, areas (draws,). A covariance may be singular.

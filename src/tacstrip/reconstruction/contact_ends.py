@@ -113,10 +113,10 @@ def end_deviations(
     """Return the standard deviations of l and of u (n,) [mm], of a strip's two readings of deviation sigma [Vref]."""
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         of_l, of_u, _ = _variances(sensor, l, u)
-    l_sigma, u_sigma = (
-        np.nan_to_num(sigma * np.sqrt(v), nan=sensor.length_mm, posinf=sensor.length_mm) for v in (of_l, of_u)
-    )
-    return np.minimum(l_sigma, sensor.length_mm), np.minimum(u_sigma, sensor.length_mm)
+        # What the readings leave open, NaN among it, is as uncertain as the strip is long.
+        return np.fmin(sigma * np.sqrt(of_l), sensor.length_mm), np.fmin(
+            sigma * np.sqrt(of_u), sensor.length_mm
+        )
 
 
 def closed_ends(sensor: Sensor, kh: FloatArray, kl: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -106,7 +106,7 @@ def _continued(runs: list[slice], before: list[_Party], turn: int) -> list[_Part
     if len(runs) > len(before):
         near = [_nearest(run, before[0].last, turn) if before else run for run in runs]
         new = [_Party([Episode()], run) for run in near]
-        if any(len(party.members) > 1 for party in before):
+        if before:  # what parts were several, also where one was put down on the strips of another
             _join([e for party in (*before, *new) for e in party.members])
         return new
     if len(runs) == len(before):

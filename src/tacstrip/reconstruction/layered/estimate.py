@@ -21,7 +21,7 @@ from tacstrip.core.scene import Fitted, LayerReadings, Scene, SceneProblem
 from tacstrip.errors import OptionError
 from tacstrip.reconstruction.contact_ends import closed_ends
 from tacstrip.reconstruction.implausible import doubt_implausible
-from tacstrip.reconstruction.layered.posterior import draw_scenes, loosely_held
+from tacstrip.reconstruction.layered.posterior import covariance_over_minima, draw_scenes
 from tacstrip.reconstruction.layered.search import Candidate, Search, inward_corners
 from tacstrip.reconstruction.noise_covariance import Averaging, common_variance, fit_sigma
 from tacstrip.reconstruction.polygon.goodness_of_fit import chi_square_score
@@ -107,7 +107,9 @@ def fit_layers(
     problem, fitted = search.problem, best.fitted
     wrong = _misfit(search, fitted, noise)
     rivals = _rivals(search, best) if thorough else []
-    covariance, hidden = covariance_of(problem, fitted, sensor, noise, Averaging.of(scan))
+    covariance, hidden = covariance_of(
+        problem, fitted, covariance_over_minima(problem, fitted), noise, Averaging.of(scan)
+    )
     confident = draw_scenes(problem, fitted.scene).confidence if thorough and not wrong else None
     shared = [wrong, _rivals_advice(best, rivals), *_left_out(out, sensor, scan)]
     objects = []
@@ -265,17 +267,18 @@ def _rivals_advice(best: Candidate, rivals: list[Candidate]) -> str:
 
 
 def covariance_of(
-    problem: SceneProblem, fitted: Fitted, sensor: LayeredSensor, noise: Noise | None, averaging: Averaging
+    problem: SceneProblem, fitted: Fitted, own: FloatArray, noise: Noise | None, averaging: Averaging
 ) -> tuple[FloatArray, BoolArray]:
-    """Return the covariance of all corners (2 M, 2 M) [mm^2], and which of them no reading determines (M,)."""
-    information = fitted.information + problem.end_information(fitted.scene)
-    found = loosely_held(problem, information)
-    deviation = np.sqrt(np.diag(found).reshape(-1, 2).sum(axis=1))
+    """Return the covariance of all corners (2 M, 2 M) [mm^2], and which of them no reading determines (M,).
+
+    `own` is the covariance by the errors that each reading has for itself.
+    """
+    deviation = np.sqrt(np.diag(own).reshape(-1, 2).sum(axis=1))
     hidden = deviation > _HIDDEN * problem.length_mm
     if noise is not None and (common := common_variance(noise, averaging)) > 0.0:
-        by = found @ problem.of_offset(fitted)
-        found = found + common * np.outer(by, by)
-    return found, hidden
+        by = own @ problem.of_offset(fitted)
+        own = own + common * np.outer(by, by)
+    return own, hidden
 
 
 def _object(ring: FloatArray, covariance: FloatArray, hidden: BoolArray) -> RecoveredObject:

@@ -12,6 +12,7 @@ from tacstrip.arrays import BoolArray
 from tacstrip.contact.noise import Noise
 from tacstrip.core.scene import Scene
 from tacstrip.reconstruction.layered.estimate import covariance_of, level_of, scene_problem, strips_under
+from tacstrip.reconstruction.layered.posterior import loosely_held
 from tacstrip.reconstruction.layered.search import SHAKE
 from tacstrip.reconstruction.noise_covariance import Averaging
 from tacstrip.reconstruction.polygon.goodness_of_fit import chi_square_score
@@ -119,7 +120,8 @@ def follow(
         for thing, ring in zip(last.objects, rings, strict=True)
     ]
     if detail:
-        covariance, hidden = covariance_of(problem, fitted, sensor, noise, Averaging.of(scan))
+        own = loosely_held(problem, fitted.information + problem.end_information(fitted.scene))
+        covariance, hidden = covariance_of(problem, fitted, own, noise, Averaging.of(scan))
         for k, (start, count) in enumerate(zip(fitted.scene.starts, fitted.scene.sizes, strict=True)):
             rows = slice(2 * start, 2 * (start + count))
             seen = hidden[start : start + count]

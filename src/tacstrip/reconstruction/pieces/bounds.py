@@ -14,7 +14,7 @@ import numpy as np
 import shapely
 
 from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.core.convex_chain import CONTRADICTED, convex_cost, lower_hull
+from tacstrip.core.convex_chain import hull_ends, sure_strips
 from tacstrip.core.convex_reach import convex_reach
 from tacstrip.reconstruction.pieces.chain import Chain
 from tacstrip.reconstruction.pieces.cover import Part, Read
@@ -32,63 +32,55 @@ class Bounds:
     largest: FloatArray
 
 
-def sure_strips(chain: Chain) -> BoolArray:
-    """Return the strips (n,) that belong to their stretch wherever the readings would allow its cuts."""
-    sure = np.isfinite(chain.y) & ~chain.left_out
-    at = np.flatnonzero(sure)
-    x, y, weight = chain.x[at], chain.y[at], chain.weight[at]
-    cuts = [int(np.searchsorted(at, s.start)) for s in chain.stretches] + [len(at)]
-
-    def cost(a: int, b: int) -> float:
-        return convex_cost(x[a:b], y[a:b], weight[a:b]) if b - a > 2 else 0.0
-
-    for a, c, b in zip(cuts[:-2], cuts[1:-1], cuts[2:], strict=True):
-        here = cost(a, c) + cost(c, b)
-        for step in (-1, 1):
-            place = c + step
-            while a <= place <= b and cost(a, place) + cost(place, b) < here + CONTRADICTED:
-                sure[at[place if step < 0 else place - 1]] = False
-                place += step
-    return sure
-
-
 def piece_bounds(
-    group: Sequence[Part],
-    others: Sequence[Sequence[Part]],
+    groups: Sequence[Sequence[Part]],
     chains: tuple[Chain, Chain],
-    sure: tuple[BoolArray, BoolArray],
     read: Read,
     pitch: float,
     length: float,
-) -> Bounds:
-    """Return the bounds of the piece that `group` shows.
+) -> list[Bounds]:
+    """Return the bounds of the pieces of a run.
 
     Parameters
     ----------
-    group, others
-        What shows it, and the other pieces of its run.
-    chains, sure
-        Of l and of -u; `sure_strips` of each.
+    groups
+        What shows each.
+    chains
+        Of l and of -u.
     read
         What the strips read.
     pitch, length
         Of the strips [mm].
     """
-    held = _held(group, chains, sure, read)
+    sure = _sure(chains[0]), _sure(chains[1])
     slack_l, slack_u = _SLACK * read.l_sigma, _SLACK * read.u_sigma
     below = np.column_stack([read.x, np.fmin(read.l, chains[0].y) - slack_l])
     above = np.column_stack([read.x, np.fmax(read.u, -chains[1].y) + slack_u])
-    bodies = [_inside(_held(other, chains, sure, read), read, slack_l, slack_u) for other in others]
+    held = [_held(group, chains, sure, read) for group in groups]
+    bodies = [_inside(points, read, slack_l, slack_u) for points in held]
     edges = (read.x[0] - pitch, read.x[-1] + pitch, 0.0, length)
-    if not len(held):
-        return Bounds(held, shapely.get_coordinates(shapely.box(edges[0], edges[2], edges[1], edges[3]))[:-1])
-    smallest = shapely.convex_hull(shapely.linestrings(np.concatenate([held, held[:1]])))
-    if smallest.geom_type != "Polygon":
-        smallest = smallest.buffer(_LEAST_MM, quad_segs=1)
-    ring = shapely.get_coordinates(shapely.normalize(smallest))[-2::-1]  # counter-clockwise
-    reached = convex_reach(ring, below, above, np.concatenate([np.zeros((0, 2)), *bodies]), edges)
-    largest = shapely.Polygon(reached).simplify(_SAME_MM)
-    return Bounds(ring, np.asarray(shapely.get_coordinates(largest)[:-1]))
+    found = []
+    for i, own in enumerate(held):
+        if not len(own):
+            whole = shapely.get_coordinates(shapely.box(edges[0], edges[2], edges[1], edges[3]))[:-1]
+            found.append(Bounds(own, whole))
+            continue
+        smallest = shapely.convex_hull(shapely.linestrings(np.concatenate([own, own[:1]])))
+        if smallest.geom_type != "Polygon":
+            smallest = smallest.buffer(_LEAST_MM, quad_segs=1)
+        ring = shapely.get_coordinates(shapely.normalize(smallest))[-2::-1]  # counter-clockwise
+        others = np.concatenate([np.zeros((0, 2)), *bodies[:i], *bodies[i + 1 :]])
+        found.append(Bounds(ring, convex_reach(ring, below, above, others, edges, _SAME_MM)))
+    return found
+
+
+def _sure(chain: Chain) -> BoolArray:
+    """Return the strips (n,) that belong to their stretch wherever the readings would allow its cuts."""
+    sure = np.isfinite(chain.y) & ~chain.left_out
+    at = np.flatnonzero(sure)
+    cuts = [int(np.searchsorted(at, s.start)) for s in chain.stretches] + [len(at)]
+    sure[at] = sure_strips(chain.x[at], chain.y[at], chain.weight[at], cuts)
+    return sure
 
 
 def _held(
@@ -99,8 +91,8 @@ def _held(
     for part in group:
         own = slice(part.stretch.start, part.stretch.stop)
         on = sure[part.side][own]
-        y = np.maximum(part.stretch.at(read.x[own]), chains[part.side].y[own])[on]
-        found.append(np.column_stack([read.x[own][on], y if part.side == 0 else -y]))
+        y = np.maximum(part.stretch.shown, chains[part.side].y[own])[on]
+        found.append(np.column_stack([read.x[own][on], part.sign * y]))
     return np.concatenate(found)
 
 
@@ -108,9 +100,8 @@ def _inside(held: FloatArray, read: Read, slack_l: FloatArray, slack_u: FloatArr
     """Return points (M, 2) on strips that a piece surely covers."""
     if not len(held):
         return held
-    on = (read.x >= held[:, 0].min()) & (read.x <= held[:, 0].max())
-    low = lower_hull(held, read.x[on]) + slack_l[on]
-    high = -lower_hull(held * (1.0, -1.0), read.x[on]) - slack_u[on]
+    low, high = hull_ends(held, read.x)
+    low, high = low + slack_l, high - slack_u
     thick = low < high
-    x = read.x[on][thick]
+    x = read.x[thick]
     return np.concatenate([np.column_stack([x, low[thick]]), np.column_stack([x, high[thick]])])

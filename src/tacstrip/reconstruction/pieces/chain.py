@@ -19,6 +19,8 @@ from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.core.convex_chain import CONTRADICTED, convex_cost, convex_cuts, height, polyline
 
 Kind: TypeAlias = Literal["begins", "ends", "corner"]
+# Borders, lines, variances and chi square.
+_Polyline: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, float]
 
 _JUMPS = 3.0  # deviations between two lines: less, and they may meet
 _FEWEST = 3  # strips of a stretch that may lose one
@@ -65,10 +67,12 @@ class Stretch:
         Borders of its lines (M + 1,) [mm], from half a pitch before its first strip to half a pitch after its last.
     lines
         Height at the middle of each, slope, and middle (M, 3).
-    covariances
-        Of height and slope (M, 2, 2).
+    variances
+        Of height and slope (M, 2).
     chi_square
         What it leaves of the readings.
+    strips_x
+        Where its strips are (stop - start,) [mm].
     """
 
     start: int
@@ -77,13 +81,20 @@ class Stretch:
     after: Cut | None
     x: FloatArray
     lines: FloatArray
-    covariances: FloatArray
+    variances: FloatArray
     chi_square: float
+    strips_x: FloatArray
+
+    @cached_property
+    def shown(self) -> FloatArray:
+        """Height of the chain on its strips (stop - start,) [mm]."""
+        return self.at(self.strips_x)
 
     def at(self, x: FloatArray) -> FloatArray:
         """Return the chain's height at x (n,), lengthened by its outer lines: the highest line."""
-        height, slope, middle = self.lines.T
-        return np.asarray((height + slope * (np.asarray(x)[:, None] - middle)).max(axis=1))
+        height, slope, middle = self.lines.T[:, :, None]
+        found = height + slope * (x - middle)  # (M, n)
+        return np.asarray(found.max(axis=0) if len(found) > 1 else found[0])
 
     def split(self, strip: int, x: float) -> tuple[Stretch, Stretch]:
         """Return what lies left and right of x [mm], before `strip`, as if an inward corner lay there."""
@@ -93,11 +104,11 @@ class Stretch:
         return (
             Stretch(
                 self.start, strip, self.before, cut, np.append(self.x[: left + 1], x), self.lines[: left + 1],
-                self.covariances[: left + 1], self.chi_square,
+                self.variances[: left + 1], self.chi_square, self.strips_x[: strip - self.start],
             ),
             Stretch(
                 strip, self.stop, cut, self.after, np.append(x, self.x[right + 1 :]), self.lines[right:],
-                self.covariances[right:], 0.0,
+                self.variances[right:], 0.0, self.strips_x[strip - self.start :],
             ),
         )  # fmt: skip
 
@@ -105,9 +116,11 @@ class Stretch:
     def corners(self) -> FloatArray:
         """Its corners, ends included (M + 1, 2)."""
         height, slope, middle = self.lines.T
-        left = height + slope * (self.x[:-1] - middle)
-        last = height[-1] + slope[-1] * (self.x[-1] - middle[-1])
-        return np.column_stack([self.x, np.append(left, last)])
+        found = np.empty((len(self.x), 2))
+        found[:, 0] = self.x
+        found[:-1, 1] = height + slope * (self.x[:-1] - middle)
+        found[-1, 1] = height[-1] + slope[-1] * (self.x[-1] - middle[-1])
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,24 +145,30 @@ class Chain:
         if len(own) < _FEWEST:
             return None
         end, own = (own[-1], own[:-1]) if right else (own[0], own[1:])
-        borders, lines, covariances, chi_square = self._polyline(own)
-        rise = float(self.y[end] - height(lines[-1 if right else 0], self.x[end]))
+        kept = self._polyline(own)
+        rise = float(self.y[end] - height(kept[1][-1 if right else 0], self.x[end]))
         if rise < least:
             return None
         alone = self._polyline(np.array([end]))
-        kept = borders, lines, covariances, chi_square
         if right:
             cut = Cut(int(end), "ends", rise, 0.0)
-            return Stretch(whole.start, int(end), whole.before, cut, *kept), Stretch(
-                int(end), whole.stop, cut, whole.after, *alone
+            return (
+                self._stretch(whole.start, int(end), whole.before, cut, kept),
+                self._stretch(int(end), whole.stop, cut, whole.after, alone),
             )
         cut = Cut(int(own[0]), "begins", rise, 0.0)
-        return Stretch(int(own[0]), whole.stop, cut, whole.after, *kept), Stretch(
-            whole.start, int(own[0]), whole.before, cut, *alone
+        return (
+            self._stretch(int(own[0]), whole.stop, cut, whole.after, kept),
+            self._stretch(whole.start, int(own[0]), whole.before, cut, alone),
         )
 
-    def _polyline(self, own: IntArray) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+    def _polyline(self, own: IntArray) -> _Polyline:
         return polyline(self.x[own], self.y[own], self.weight[own], self.pitch)
+
+    def _stretch(
+        self, start: int, stop: int, before: Cut | None, after: Cut | None, found: _Polyline
+    ) -> Stretch:
+        return Stretch(start, stop, before, after, *found, self.x[start:stop])
 
 
 def split_chain(x: FloatArray, y: FloatArray, sigma: FloatArray, pitch: float) -> Chain:
@@ -201,13 +220,14 @@ def _stretches(
         own = at[a:b]
         fitted.append(polyline(x[own], y[own], weight[own], pitch))
     between = [
-        _cut(int(at[c]), x[at[c - 1]], x[at[c]], left[1:], right[1:], pitch, gain)
+        _cut(int(at[c]), float(x[at[c - 1]]), float(x[at[c]]), left, right, pitch, gain)
         for c, left, right, gain in zip(cuts[1:-1], fitted[:-1], fitted[1:], gains, strict=True)
     ]
+    starts, stops = at[cuts[:-1]].tolist(), (at[np.array(cuts[1:]) - 1] + 1).tolist()
     return tuple(
-        Stretch(int(at[a]), int(at[b - 1]) + 1, before, after, *found)
-        for a, b, before, after, found in zip(
-            cuts[:-1], cuts[1:], [None, *between], [*between, None], fitted, strict=True
+        Stretch(start, stop, before, after, *found, x[start:stop])
+        for start, stop, before, after, found in zip(
+            starts, stops, [None, *between], [*between, None], fitted, strict=True
         )
     )
 
@@ -216,18 +236,18 @@ def _cut(
     strip: int,
     before: float,
     behind: float,
-    left: tuple[FloatArray, FloatArray, float],
-    right: tuple[FloatArray, FloatArray, float],
+    left: _Polyline,
+    right: _Polyline,
     pitch: float,
     gain: float,
 ) -> Cut:
     """Tell a jump between the strips at `before` and `behind` [mm] from a corner."""
-    a, of_a, b, of_b = left[0][-1], left[1][-1], right[0][0], right[1][0]
+    (a, of_a), (b, of_b) = ((found[1][i], found[2][i]) for found, i in ((left, -1), (right, 0)))
 
     def rise(x: float) -> tuple[float, float]:
         """Return by how much the right line lies above the left one, and its deviation."""
-        by_a, by_b = np.array([1.0, x - a[2]]), np.array([1.0, x - b[2]])
-        return height(b, x) - height(a, x), float(np.sqrt(by_a @ of_a @ by_a + by_b @ of_b @ by_b))
+        variance = of_a[0] + of_a[1] * (x - a[2]) ** 2 + of_b[0] + of_b[1] * (x - b[2]) ** 2
+        return height(b, x) - height(a, x), math.sqrt(variance)
 
     rises, sigmas = zip(*(rise(x) for x in (before - _UNSURE * pitch, behind + _UNSURE * pitch)), strict=True)
     if rises[0] * rises[1] > 0.0 and all(abs(r) >= _JUMPS * s for r, s in zip(rises, sigmas, strict=True)):

@@ -9,14 +9,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from itertools import combinations, count
 
 import numpy as np
 import shapely
 
 from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.core.convex_chain import lower_hull
+from tacstrip.core.convex_chain import hull_ends
 from tacstrip.reconstruction.pieces.chain import Chain, Stretch
 
 _SLACK = 3.0  # deviations of a reading by which a hull may leave what the strips read
@@ -43,6 +43,11 @@ class Part:
     stretch: Stretch
 
     @property
+    def sign(self) -> float:
+        """What a height of the stretch is times y: -1 of u."""
+        return -1.0 if self.side else 1.0
+
+    @property
     def begins(self) -> bool:
         """Whether its piece begins where it does."""
         return self.stretch.before is None or self.stretch.before.kind == "begins"
@@ -64,6 +69,22 @@ class Read:
     u_sigma: FloatArray
     sure: BoolArray
 
+    @cached_property
+    def limits(self) -> tuple[FloatArray, FloatArray]:
+        """Between what a hull must lie (n,) [mm], by as many deviations; without end beside a cut."""
+        low, high = self.l - _SLACK * self.l_sigma, self.u + _SLACK * self.u_sigma
+        return np.where(self.sure, low, -np.inf), np.where(self.sure, high, np.inf)
+
+    @cached_property
+    def borders(self) -> FloatArray:
+        """Half way between neighbouring strips (n - 1,) [mm]."""
+        return 0.5 * (self.x[1:] + self.x[:-1])
+
+    @cached_property
+    def pitch(self) -> float:
+        """From a strip to the next one [mm]."""
+        return float(np.diff(self.x).min()) if len(self.x) > 1 else 1.0
+
     @classmethod
     def of(cls, x: FloatArray, chains: tuple[Chain, Chain]) -> Read:
         """Return what the chains of l and of -u say of strips at x (n,) [mm]."""
@@ -72,8 +93,7 @@ class Read:
         for chain in chains:
             y = np.empty(len(x))
             for stretch in chain.stretches:
-                own = slice(stretch.start, stretch.stop)
-                y[own] = stretch.at(x[own])
+                y[stretch.start : stretch.stop] = stretch.shown
                 if stretch.before is not None:
                     sure[max(stretch.start - 1, 0) : stretch.start + 1] = False
             fitted.append(y)
@@ -103,8 +123,8 @@ class Cover:
     others: tuple[Cover, ...] = ()
     fewest: int | None = None
 
-    def gap_mm(self, x: FloatArray, pitch: float) -> float:
-        """Return the least distance [mm] between what strips at x (n,) show of two pieces, infinite with one piece.
+    def gap_mm(self, pitch: float) -> float:
+        """Return the least distance [mm] between what the strips show of two pieces, infinite with one piece.
 
         Chains reach a pitch beyond the run, where a pointed piece closes. Where nothing jumps they reach half way into
         inward corners too, and meet there; next to a jump elsewhere a corner may hide another one.
@@ -115,7 +135,7 @@ class Cover:
             for cut in (part.stretch.before, part.stretch.after)
         )
         by = 0.5 * pitch if corners else 0.0
-        reached = ([_reaching(self.parts[i], x, pitch, by) for i in piece] for piece in self.pieces)
+        reached = ([_reaching(self.parts[i], pitch, by) for i in piece] for piece in self.pieces)
         hulls = [shapely.convex_hull(shapely.linestrings(np.concatenate(points))) for points in reached]
         return min((float(a.distance(b)) for a, b in combinations(hulls, 2)), default=math.inf)
 
@@ -137,7 +157,7 @@ def least_cover(chains: tuple[Chain, Chain], read: Read, pitch: float, gap: floa
 
     @cache
     def shown(part: Part) -> FloatArray:
-        return np.column_stack(_surely_shown(part, read.x))
+        return _surely_shown(part)
 
     @cache
     def one(a: Part, b: Part) -> bool:
@@ -172,7 +192,7 @@ def least_cover(chains: tuple[Chain, Chain], read: Read, pitch: float, gap: floa
             found = more
     # Of covers by as many pieces, those whose pieces lie apart come first: objects do.
     if len(found) > 1:
-        found.sort(key=lambda cover: cover.gap_mm(read.x, pitch) < gap)
+        found.sort(key=lambda cover: cover.gap_mm(pitch) < gap)
     return replace(found[0], others=tuple(found[1:]))
 
 
@@ -198,9 +218,9 @@ def _split_at_corners(parts: list[Part], x: FloatArray, pitch: float, gap: float
 def _of_parts(parts: list[Part], one: Callable[[Part, Part], bool]) -> list[Cover]:
     """Return the covers of parts by the fewest pieces, the plainest first; `one`: whether two may be of one piece."""
     n = len(parts)
-    fits = np.zeros((n, n), dtype=np.bool_)
+    fits = [[False] * n for _ in range(n)]
     for i, j in combinations(range(n), 2):
-        fits[i, j] = fits[j, i] = one(parts[i], parts[j])
+        fits[i][j] = fits[j][i] = one(parts[i], parts[j])
     for most in count(1):
         found = _covers(fits, most)
         if found is None:
@@ -211,7 +231,7 @@ def _of_parts(parts: list[Part], one: Callable[[Part, Part], bool]) -> list[Cove
     raise AssertionError  # as many pieces as parts always do
 
 
-def _covers(fits: BoolArray, most: int) -> list[list[tuple[int, ...]]] | None:
+def _covers(fits: list[list[bool]], most: int) -> list[list[tuple[int, ...]]] | None:
     """Return partitions into at most so many sets whose members all fit each other; None: the search is too long."""
     found: list[list[tuple[int, ...]]] = []
     steps = 0
@@ -225,7 +245,7 @@ def _covers(fits: BoolArray, most: int) -> list[list[tuple[int, ...]]] | None:
             found.append(list(pieces))
             return
         for k, piece in enumerate(pieces):
-            if fits[i, list(piece)].all():
+            if all(fits[i][j] for j in piece):
                 add(i + 1, [*pieces[:k], (*piece, i), *pieces[k + 1 :]])
         if len(pieces) < most:
             add(i + 1, [*pieces, (i,)])
@@ -234,11 +254,11 @@ def _covers(fits: BoolArray, most: int) -> list[list[tuple[int, ...]]] | None:
     return found if found or steps <= _STEPS else None
 
 
-def _first_fit(fits: BoolArray) -> list[tuple[int, ...]]:
+def _first_fit(fits: list[list[bool]]) -> list[tuple[int, ...]]:
     """Return a partition into sets whose members all fit each other, each part in the first set that takes it."""
     pieces: list[tuple[int, ...]] = []
     for i in range(len(fits)):
-        k = next((k for k, piece in enumerate(pieces) if fits[i, list(piece)].all()), len(pieces))
+        k = next((k for k, piece in enumerate(pieces) if all(fits[i][j] for j in piece)), len(pieces))
         pieces[k : k + 1] = [(*pieces[k], i) if k < len(pieces) else (i,)]
     return pieces
 
@@ -258,37 +278,25 @@ def _may_be_one(a: Part, b: Part) -> bool:
 
 def _within(points: FloatArray, read: Read) -> bool:
     """Whether the hull of points (M, 2) lies within what the strips read."""
-    within = (read.x >= points[:, 0].min()) & (read.x <= points[:, 0].max()) & read.sure
-    at = read.x[within]
-    return bool(
-        (lower_hull(points, at) >= read.l[within] - _SLACK * read.l_sigma[within]).all()
-        and (-lower_hull(points * [1.0, -1.0], at) <= read.u[within] + _SLACK * read.u_sigma[within]).all()
-    )
+    (low, high), (least, most) = hull_ends(points, read.x), read.limits
+    return not ((low < least) | (high > most)).any()
 
 
-def shown_ends(part: Part, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the strips that show a part (m,), and y of its chain there (m,) [mm]."""
-    at = x[part.stretch.start : part.stretch.stop]
-    y = part.stretch.at(at)
-    return at, y if part.side == 0 else -y
-
-
-def _reaching(part: Part, x: FloatArray, outside: float, inside: float) -> FloatArray:
+def _reaching(part: Part, outside: float, inside: float) -> FloatArray:
     """Return points of a part (M, 2) on its strips, and so much [mm] beyond, outside the run and inside at cuts."""
-    at, _ = shown_ends(part, x)
-    first, last = (inside if cut else outside for cut in (part.stretch.before, part.stretch.after))
+    at, stretch = part.stretch.strips_x, part.stretch
+    first, last = (inside if cut else outside for cut in (stretch.before, stretch.after))
     at = np.concatenate([[at[0] - first], at, [at[-1] + last]])
-    y = part.stretch.at(at)
-    return np.column_stack([at, y if part.side == 0 else -y])
+    return np.column_stack([at, part.sign * stretch.at(at)])
 
 
-def _surely_shown(part: Part, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return what shows a part, without the strips beside a cut: they may be its neighbour's."""
-    at, y = shown_ends(part, x)
-    if len(at) <= _FEW:
-        return at, y
-    kept = slice(int(part.stretch.before is not None), len(at) - int(part.stretch.after is not None))
-    return at[kept], y[kept]
+def _surely_shown(part: Part) -> FloatArray:
+    """Return what shows a part (M, 2), without the strips beside a cut: they may be its neighbour's."""
+    stretch = part.stretch
+    found = np.column_stack([stretch.strips_x, part.sign * stretch.shown])
+    if len(found) <= _FEW:
+        return found
+    return found[int(stretch.before is not None) : len(found) - int(stretch.after is not None)]
 
 
 def _strangeness(pieces: list[tuple[int, ...]], parts: list[Part]) -> int:

@@ -6,18 +6,19 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
-import shapely
 
 from tacstrip.arguments import takes
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.contact.noise import Noise
+from tacstrip.core.convex_overlap import convex_overlap
+from tacstrip.geometry.moments import area
 from tacstrip.geometry.region import outline_paths
 from tacstrip.notebook import Drawn, SvgPath
 from tacstrip.reconstruction.contact_ends import closed_ends
 from tacstrip.reconstruction.implausible import goes_on, implausible_hint
 from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
 from tacstrip.reconstruction.on_surface import refuse_surface
-from tacstrip.reconstruction.pieces.bounds import Bounds, piece_bounds, sure_strips
+from tacstrip.reconstruction.pieces.bounds import Bounds, piece_bounds
 from tacstrip.reconstruction.pieces.cover import Part
 from tacstrip.reconstruction.pieces.outline import PieceOutline, shown_hull, trace
 from tacstrip.reconstruction.pieces.run import FEW_STRIPS, GAP, RunPieces, noise_level, split_run
@@ -188,13 +189,10 @@ def _of_run(run: RunPieces, sensor: Sensor, strips: slice, before: int) -> list[
         key=lambda group: min((p.stretch.start, p.side) for p in group),
     )
     hulls = [shown_hull(group, run.read) for group in groups]
-    sure = sure_strips(run.chains[0]), sure_strips(run.chains[1])
+    every = piece_bounds(groups, run.chains, run.read, sensor.pitch_mm, sensor.length_mm)
     found = []
-    for i, group in enumerate(groups):
+    for i, (group, bounds) in enumerate(zip(groups, every, strict=True)):
         traced = trace(group, run.read, hulls[:i] + hulls[i + 1 :], sensor.pitch_mm)
-        bounds = piece_bounds(
-            group, groups[:i] + groups[i + 1 :], run.chains, sure, run.read, sensor.pitch_mm, sensor.length_mm
-        )
         start = min(p.stretch.start for p in group) + strips.start
         stop = max(p.stretch.stop for p in group) + strips.start
         others = tuple(
@@ -202,7 +200,7 @@ def _of_run(run: RunPieces, sensor: Sensor, strips: slice, before: int) -> list[
             for j, other in enumerate(groups)
             if j != i and (not run.apart or _meet(group, other, GAP * sensor.length_mm))
         )
-        crossed = any(_overlap(hulls[i], other) > _OVERLAP for j, other in enumerate(hulls) if j != i)
+        crossed = run.apart and any(_overlap(hulls[i], h) > _OVERLAP for j, h in enumerate(hulls) if j != i)
         status, advice = _verdict(run, traced, bounds, sensor, strips, crossed)
         found.append(
             Piece(
@@ -267,7 +265,7 @@ def _verdict(
         )
     if run.cover.others:
         doubts.append("what is shown can be paired to as many pieces in another way")
-    if crossed and run.apart:
+    if crossed:
         doubts.append("what is seen of the pieces overlaps: there are more, or one concave object")
     if (off := _error(run, traced, sensor)) > 1.0 - _PROMISED:
         doubts.append(f"noise and strips leave about {100.0 * off:.0f} % of its area open: use finer strips")
@@ -276,14 +274,14 @@ def _verdict(
             f"{int(traced.hidden.sum())} of its {len(traced.hidden)} corners are hidden behind other pieces"
         )
     if count > 1:
-        areas, shared = _shared(traced.vertices, bounds)
-        union = np.maximum(
-            areas[0] + areas[1:] - shared, _NO_AREA
-        )  # of a piece that is a line: nothing is known
+        own, least, both = convex_overlap(traced.vertices, bounds.smallest)
+        _, most, shared = convex_overlap(traced.vertices, bounds.largest)
         notes.append(
-            f"its smallest and largest outline overlap by an IoU of {areas[1] / max(areas[2], _NO_AREA):.2f}"
+            f"its smallest and largest outline overlap by an IoU of {least / max(most, _NO_AREA):.2f}"
         )
-        if np.mean(shared / union) < _PROMISED:
+        # Of a piece that is a line nothing is known.
+        overlaps = both / max(own + least - both, _NO_AREA), shared / max(own + most - shared, _NO_AREA)
+        if 0.5 * sum(overlaps) < _PROMISED:
             doubts.append(
                 "between the two its shape is open: a second layer, or scans while it moves, would tell"
             )
@@ -293,37 +291,20 @@ def _verdict(
 
 def _overlap(a: FloatArray, b: FloatArray) -> float:
     """Return how much two hulls, lower and upper ends (2, n), share, over the smaller one."""
-    shared = np.maximum(np.minimum(a[1], b[1]) - np.maximum(a[0], b[0]), 0.0)
+    shared = np.minimum(a[1], b[1]) - np.maximum(a[0], b[0])
+    if not (shared > 0.0).any():
+        return 0.0
     sizes = [float(np.nansum(hull[1] - hull[0])) for hull in (a, b)]
-    return float(np.nansum(shared)) / max(min(sizes), 1e-300)
+    return float(np.nansum(np.maximum(shared, 0.0))) / max(min(sizes), 1e-300)
 
 
 def _error(run: RunPieces, traced: PieceOutline, sensor: Sensor) -> float:
     """Return the share of a piece's area that noise, and ends between two strips, leave open on average."""
-    area = shapely.Polygon(traced.vertices).area if len(traced.vertices) > 2 else 0.0
-    if not area > 0.0:
+    size = abs(area(traced.vertices))
+    if not size > 0.0:
         return 1.0
     width = float(np.ptp(traced.vertices[:, 0]))
-    open_mm = sum(
-        float(np.median(sigma))
-        * _ALIKE
-        * np.sqrt(min(2.0 * sum(len(s.lines) for s in chain.stretches) / len(sigma), 1.0))
-        for chain, sigma in zip(run.chains, (run.read.l_sigma, run.read.u_sigma), strict=True)
-    )
-    return float(open_mm * width / area + 0.5 * sensor.pitch_mm / width)
-
-
-def _shared(outline: FloatArray, bounds: Bounds) -> tuple[FloatArray, FloatArray]:
-    """Return the areas of an outline, `smallest` and `largest` (3,), and what the first shares with the others (2,)."""
-    shapes = np.array(
-        [
-            shapely.polygons(o) if len(o) > 2 else shapely.Polygon()
-            for o in (outline, bounds.smallest, bounds.largest)
-        ]
-    )
-    if not shapely.is_valid(shapes).all():
-        shapes = shapely.buffer(shapes, 0.0)
-    return shapely.area(shapes), shapely.area(shapely.intersection(shapes[0], shapes[1:]))
+    return float(_ALIKE * run.open_mm * width / size + 0.5 * sensor.pitch_mm / width)
 
 
 @takes(scan=Scan, sensor=Sensor, noise=Noise)

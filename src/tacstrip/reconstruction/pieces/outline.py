@@ -13,12 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
-from tacstrip.core.convex_chain import lower_hull
+from tacstrip.core.convex_chain import hull_ends
 from tacstrip.reconstruction.pieces.cover import Part, Read
 
 _HALFWAY = 0.5  # to the furthest corner
 _SLIVER = 0.01  # of the way: a piece of which one straight edge is seen is no line
 _STEPS = 24  # of looking how far an outline can reach
+_WAYS = np.linspace(0.0, 1.0, _STEPS + 1)[1:, None]
 _SAME = 1  # strips between the ends of l and of u that are one
 _TURN = 1e-9  # of the squared size: less is no corner
 
@@ -57,12 +58,8 @@ class _Arc:
 
 def shown_hull(parts: Sequence[Part], read: Read) -> FloatArray:
     """Return lower and upper ends (2, n) of the hull of what parts show, NaN on strips that it does not reach."""
-    points = np.concatenate([part.stretch.corners * (1.0, 1.0 if part.side == 0 else -1.0) for part in parts])
-    reached = (read.x >= points[:, 0].min()) & (read.x <= points[:, 0].max())
-    ends = np.full((2, len(read.x)), np.nan)
-    ends[0, reached] = lower_hull(points, read.x[reached])
-    ends[1, reached] = -lower_hull(points * (1.0, -1.0), read.x[reached])
-    return ends
+    points = np.concatenate([part.stretch.corners * (1.0, part.sign) for part in parts])
+    return hull_ends(points, read.x)
 
 
 def trace(parts: Sequence[Part], read: Read, others: Sequence[FloatArray], pitch: float) -> PieceOutline:
@@ -158,31 +155,29 @@ def _ring(parts: Sequence[Part], pitch: float) -> list[_Arc]:
 
 def _points(part: Part, pitch: float) -> tuple[FloatArray, FloatArray]:
     """Return the corners of a part (M + 1, 2), left to right, and their covariance."""
-    stretch = part.stretch
-    corners = stretch.corners
-    size = len(stretch.lines)
-    slope, middle = stretch.lines[:, 1], stretch.lines[:, 2]
-    by = np.zeros((2 * len(corners), 2 * size))  # of corners by height and slope of the lines
-    for i in range(1, size):
-        x, steeper = corners[i, 0], slope[i - 1] - slope[i]
-        by_lines = np.array([-1.0, middle[i - 1] - x, 1.0, x - middle[i]]) / steeper
-        by[2 * i, 2 * i - 2 : 2 * i + 2] = by_lines
-        by[2 * i + 1, 2 * i - 2 : 2 * i + 2] = slope[i - 1] * by_lines
-        by[2 * i + 1, 2 * i - 2 : 2 * i] += [1.0, x - middle[i - 1]]
-    for i, line in ((0, 0), (size, size - 1)):
-        by[2 * i + 1, 2 * line : 2 * line + 2] = [1.0, corners[i, 0] - middle[line]]
-    of_lines = np.zeros((2 * size, 2 * size))
-    for i, block in enumerate(stretch.covariances):
-        of_lines[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = block
-    covariance = by @ of_lines @ by.T
-    for i, line in ((0, 0), (size, size - 1)):  # an end lies anywhere within a pitch
-        along = np.array([1.0, slope[line]])
-        covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] += np.outer(along, along) * pitch**2 / 12.0
-    if part.side == 1:
-        corners = corners * (1.0, -1.0)
-        signs = np.tile([1.0, -1.0], len(corners))
-        covariance = covariance * np.outer(signs, signs)
-    return corners.copy(), covariance
+    stretch, sign = part.stretch, part.sign
+    corners = stretch.corners * (1.0, sign)
+    (x, slope, middle), last = (c.tolist() for c in (stretch.x, *stretch.lines.T[1:])), len(stretch.lines)
+    by = np.zeros((2 * len(corners), 2 * last))  # of corners by height and slope of the lines
+    for i in range(1, last):
+        steeper = slope[i - 1] - slope[i]
+        by_lines = np.array([-1.0, middle[i - 1] - x[i], 1.0, x[i] - middle[i]]) / steeper
+        at = slice(2 * i - 2, 2 * i + 2)
+        by[2 * i, at] = by_lines
+        by[2 * i + 1, at] = (sign * slope[i - 1]) * by_lines
+        by[2 * i + 1, 2 * i - 2] += sign
+        by[2 * i + 1, 2 * i - 1] += sign * (x[i] - middle[i - 1])
+    for i, line in ((0, 0), (last, last - 1)):
+        by[2 * i + 1, 2 * line], by[2 * i + 1, 2 * line + 1] = sign, sign * (x[i] - middle[line])
+    covariance = (by * stretch.variances.ravel()) @ by.T
+    anywhere = pitch**2 / 12.0
+    for i, line in ((0, 0), (last, last - 1)):  # an end lies anywhere within a pitch
+        at_x, at_y, steep = 2 * i, 2 * i + 1, sign * slope[line]
+        covariance[at_x, at_x] += anywhere
+        covariance[at_x, at_y] += anywhere * steep
+        covariance[at_y, at_x] += anywhere * steep
+        covariance[at_y, at_y] += anywhere * steep**2
+    return corners, covariance
 
 
 def _join(lower: FloatArray, upper: FloatArray, right: bool, pitch: float) -> None:
@@ -212,8 +207,9 @@ def _arc(points: FloatArray, covariance: FloatArray, exact: tuple[bool, bool], t
     after = np.array([0.0, turn]) if exact[1] else last
     if turn > 0.0:
         return _Arc(0, points, covariance, exact, (before, after))
-    flipped = np.arange(2 * len(points)).reshape(-1, 2)[::-1].ravel()
-    return _Arc(1, points[::-1], covariance[np.ix_(flipped, flipped)], exact[::-1], (after, before))
+    n = len(points)
+    flipped = covariance.reshape(n, 2, n, 2)[::-1, :, ::-1].reshape(2 * n, 2 * n)
+    return _Arc(1, points[::-1], flipped, exact[::-1], (after, before))
 
 
 def _furthest(
@@ -247,7 +243,7 @@ def _furthest(
     if not gx * float(reach[1]) - gy * float(reach[0]) < 0.0:
         return None  # inwards
     best = middle + _SLIVER * reach if np.array_equal(leaving, arriving) else None  # one end alone shows it
-    tips = middle + np.linspace(0.0, 1.0, _STEPS + 1)[1:, None] * reach
+    tips = middle + _WAYS * reach
     beside = np.concatenate([tips, 0.5 * (start + tips), 0.5 * (end + tips)])
     there = _allowed(beside, read, others).reshape(3, _STEPS).all(axis=0)
     reached = int(there.argmin()) if not there.all() else _STEPS
@@ -257,9 +253,8 @@ def _furthest(
 def _allowed(points: FloatArray, read: Read, others: Sequence[FloatArray]) -> BoolArray:
     """Return which points (M, 2) lie within what the strips beside them read, and in no other piece."""
     x, y = points.T
-    strip = np.abs(read.x - x[:, None]).argmin(axis=1)
-    pitch = float(np.diff(read.x).min()) if len(read.x) > 1 else 1.0
-    inside = (np.abs(read.x[strip] - x) <= 0.5 * pitch) & (read.l[strip] <= y) & (y <= read.u[strip])
+    strip = np.searchsorted(read.borders, x)
+    inside = (np.abs(read.x[strip] - x) <= 0.5 * read.pitch) & (read.l[strip] <= y) & (y <= read.u[strip])
     for low, high in others:
         inside &= ~((low[strip] < y) & (y < high[strip]))
     return np.asarray(inside)
