@@ -18,7 +18,7 @@ import numpy as np
 import shapely
 
 from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.core.convex_chain import convex_regression, lower_hull
+from tacstrip.core.convex_chain import convex_regression, hull_ends
 
 # Deviations by which what is seen of one object may reach into the other, or beyond the readings.
 _SLACK = 3.0
@@ -193,7 +193,7 @@ def _shown(ends: Ends, both: _Places, parts: _Chains) -> tuple[FloatArray, Float
     of_low = np.column_stack([np.concatenate([x[low], x[~high]]), np.concatenate([l_low, -u_low])])
     of_high = np.column_stack([np.concatenate([x[high], x[~low]]), np.concatenate([-u_high, l_high])])
     tops, bottoms = np.full(n, -np.inf), np.full(n, np.inf)
-    tops[low], bottoms[high] = -lower_hull(of_low * (1.0, -1.0), x[low]), lower_hull(of_high, x[high])
+    tops[low], bottoms[high] = hull_ends(of_low, x[low])[1], hull_ends(of_high, x[high])[0]
     shared = low & high
     if (tops[shared] > bottoms[shared] + slack[:, shared].max(axis=0)).any():
         return None
