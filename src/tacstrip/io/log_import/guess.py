@@ -13,7 +13,7 @@ from typing import TypeVar
 import numpy as np
 
 from tacstrip.errors import OptionError, ReadingError
-from tacstrip.io.log_import import quantities
+from tacstrip.io.log_import import conversion, quantities
 from tacstrip.io.log_import.columns import Columns, above, find_columns
 from tacstrip.io.log_import.doubts import raise_doubts
 from tacstrip.io.log_import.mapping import ColumnMapping
@@ -167,6 +167,7 @@ def _assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
         raise Unanswered(*clues.questions) from None
     mapping, rough = _rough(clues, found)
     mapping = quantities.settled_time(clues, mapping, rough)
+    mapping = replace(mapping, scale=conversion.factor(clues))
     mapping = replace(mapping, untouched=(*mapping.untouched, *quantities.numbers_for_nothing(clues, rough)))
     loose = replace(mapping, time_unit=mapping.time_unit or "s", restart="continue", missing="untouched")
     rough = scans(clues.table, loose)
@@ -185,6 +186,7 @@ def _rough(clues: Clues, found: Columns) -> tuple[ColumnMapping, list[LogScan]]:
         broken_lines=_broken(clues), untouched=quantities.words_for_nothing(clues, found), missing="untouched",
         only=clues.only,
     )  # fmt: skip
+    mapping = quantities.with_zero(clues, mapping)
     clues.choice("missing", ("untouched", "error"))
     mapping = quantities.with_time(clues, mapping, found)
     loose = replace(mapping, time_unit=mapping.time_unit or "s", restart="continue")

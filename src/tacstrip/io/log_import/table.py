@@ -76,6 +76,8 @@ class Table:
         Why the log is none with its stray lines.
     doubts
         What of it may be meant otherwise than it is read.
+    resolutions
+        What lines that are no rows say of the codes' resolution: line, bits, what it says.
     varied
         Whether records name other strips from one to the next, as where they name only touched ones.
     """
@@ -95,6 +97,7 @@ class Table:
     refused: ReadingError | None = None
     doubts: tuple[str, ...] = ()
     varied: bool = False
+    resolutions: tuple[tuple[int, int, str], ...] = ()
 
     def column(self, name: str) -> list[str]:
         """Return the fields of a column."""

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from tacstrip.errors import ReadingError
+from tacstrip.io.log_import.conversion import resolutions
 from tacstrip.io.log_import.delimiters import of_groups, of_sent, of_slashes, without_ends, without_tag
 from tacstrip.io.log_import.dialects import of_dialect, of_displayed_scans, plain_rows
 from tacstrip.io.log_import.fields import STAMP, clock_seconds, is_value, number_of, says_nothing
@@ -116,7 +117,11 @@ def _in_utf16(raw: bytes, file: Path, name: str) -> str:
 
 def of_text(text: str, path: str | Path = "the log") -> Table:
     """Return a text as a table in normal form; errors as of `read_table`."""
-    return with_retries(text, lambda strays: _of_lines(text, path, strays))
+    return with_retries(text, lambda strays: _with_resolutions(_of_lines(text, path, strays), text))
+
+
+def _with_resolutions(table: Table, text: str) -> Table:
+    return replace(table, resolutions=resolutions(text, frozenset(table.lines)))
 
 
 def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
