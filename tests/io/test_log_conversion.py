@@ -142,7 +142,7 @@ def test_codes_with_a_sign(comment: str, zero: float, answers: tuple[str, ...], 
 
 
 def test_codes_below_the_zero_of_an_offset_are_refused() -> None:
-    with pytest.raises(ts.OptionError, match="reach 3112, below 32768, which would be 0 V"):
+    with pytest.raises(ts.OptionError, match="reach 2989, below 32768, which would be 0 V"):
         propose(of_text(log("offset binary")), replace(TWO, adc_bits=16), {"coding": "offset"})
 
 

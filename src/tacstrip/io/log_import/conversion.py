@@ -12,7 +12,8 @@ from tacstrip.io.log_import.table import Table
 
 CODINGS = ("unsigned", "signed", "offset")
 _SCALED = re.compile(
-    r"\b(?:multipl(?:y|ied|ier|ies|ying)|divided?|dividers?|gains?|amplif\w+|scaled? (?:by|with)|scal(?:e|ing) factor)\b",
+    r"\b(?:multipl(?:y|ied|ier|ies|ying)|divided?|dividers?|gains?|amplif\w+|scaled? (?:by|with)"
+    r"|scal(?:e|ing) factor)\b",
     re.IGNORECASE,
 )
 _OVER_VREF = re.compile(r"\bdivided? by v_?ref", re.IGNORECASE)

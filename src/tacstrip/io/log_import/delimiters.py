@@ -9,6 +9,7 @@ from collections import Counter
 from tacstrip.io.log_import.fields import STAMP
 from tacstrip.io.log_import.names import meaning
 from tacstrip.io.log_import.records import STEADY
+from tacstrip.io.log_import.table import CLOCK
 
 Lines = list[tuple[int, str]]
 _END = re.compile(
@@ -28,6 +29,10 @@ _TOPIC = re.compile(
     r"(?P<sent>\{.*\}|\[.*\]|(?=.*[. n])(?:[-+]?\d+(?:\.\d+)?|nan)(?:[,;\s]+(?:[-+]?\d+(?:\.\d+)?|nan))+)\s*"
 )
 _BETWEEN = re.compile(r"[,;\s]+")
+# A word and no path, as of a level, before a record.
+_PREFIXED = re.compile(
+    r"(?P<before>(?!\s*[\w./-]*=)[^{}/=]*[A-Za-z\d][^{}/=]*[\s:>|\]-])(?P<record>\{.*[:=].*\})\s*"
+)
 _NAN = re.compile(r"(?<![^\[:, ;])nan\b", re.IGNORECASE)
 _VALUE = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:\s?[A-Za-z%]{1,3})?|nan|n/a|-{1,3}"
 _SLASHED = re.compile(rf"\s*(?:\S+\s*:\s*)?(?:{_VALUE})(?:\s+/\s+(?:{_VALUE}))+\s*", re.IGNORECASE)
@@ -98,6 +103,35 @@ def without_tag(lines: Lines) -> Lines:
     if many <= STEADY * len(lines) or meaning(tag).role:
         return lines
     return [(i, line.removeprefix(f"{tag}: ")) for i, line in lines]
+
+
+def without_prefix(text: str) -> str:
+    r"""Return lines of a record behind what a logger puts before it, as records with the time that stands there.
+
+    Examples
+    --------
+    >>> print(without_prefix("12:00:01.5 INFO pad: {'h': 2}\n12:00:02.5 INFO pad: {'h': 3}"))
+    {'time stamp': '12:00:01.5', 'h': 2}
+    {'time stamp': '12:00:02.5', 'h': 3}
+    """
+    lines = text.splitlines()
+    found = [_PREFIXED.fullmatch(line) for line in lines]
+    forms = Counter(_form(m["before"]) for m in found if m).most_common(1)
+    if not forms or forms[0][1] <= STEADY * sum(bool(re.search(r"\d", line)) for line in lines):
+        return text
+    made = []
+    for line, m in zip(lines, found, strict=True):
+        if m is None or _form(m["before"]) != forms[0][0]:
+            made.append(line)
+            continue
+        stamp = re.search(STAMP, m["before"])
+        time = f"'{CLOCK}': '{stamp.group().strip()}', " if stamp else ""
+        made.append("{" + time + m["record"][1:].lstrip())
+    return "\n".join(made)
+
+
+def _form(before: str) -> str:
+    return re.sub(r"\d+", "0", before)
 
 
 def of_sent(text: str) -> str:

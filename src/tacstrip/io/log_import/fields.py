@@ -13,8 +13,8 @@ from tacstrip.io.log_import.names import UNITS
 
 # What stands for an untouched strip in anybody's log.
 NOTHING = frozenset(
-    {"", "nan", "na", "n/a", "n.a.", "#n/a", "<na>", "nat", "-", "--", "---", "null", "none", "open", "untouched"}
-    | {".", "x", "off", "idle", "free", "frei", "s/d", "s.d.", "k.a.", "n.d."}
+    {"", "nan", "na", "n/a", "n.a.", "#n/a", "<na>", "nat", "-", "--", "---", "null", "none", "nil", "open"}
+    | {"untouched", ".", "x", "off", "idle", "free", "frei", "s/d", "s.d.", "k.a.", "n.d."}
     | {"released", "not touched", "no touch", "unber\u00fchrt"}
     | {"-nan", "nc", "n.c.", "n.v.", "no contact", "[]", "{}", "offen", "leer", "vide", "\u2013", "\u2014"}
 )  # fmt: skip

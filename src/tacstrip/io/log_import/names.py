@@ -49,7 +49,8 @@ _SCAN = _words(
     "scanid unnamed mesure muestra probe run record packet loop iteration step round pass"
 )
 _WHICH = _words(
-    "signature kind end type which side seite level measurement meas signal phase channel ch output"
+    "signature kind end type which side seite level measurement meas signal phase channel ch output mux sel "
+    "select layer bank"
 )
 _BESIDE = _words(
     "no nr number nummer num id idx index nummero numero"
@@ -58,6 +59,8 @@ _FILLER = _words(
     "field header msg message stamp the of der des in at rosbag and side end edge seite ende lado lato cote extremo "
     "extremite electrode contact signal"
 )
+# Of what is said beside a mean, and is none.
+_SPREAD = _words("plusminus std stdev stddev sd sem sigma err error unc uncertainty stabw")
 # Of other scripts, the words that logs have.
 _TRANSLATED = {
     word: f" {english} "
@@ -200,7 +203,7 @@ def meanings(names: Sequence[str]) -> dict[str, Meaning]:
     alike = Counter(
         t for tokens, _ in split.values() for t in set(tokens) if not t.isdecimal() and t not in _ANY
     )
-    shared = {t for t, many in alike.items() if many > 1 and 2 * many >= len(names)}
+    shared = {t for t, many in alike.items() if many > 1 and 2 * many >= len(names)} - _SPREAD
     split = {name: ([t for t in ts if t not in shared] or ts, u) for name, (ts, u) in split.items()}
     split = _with_letters(split)
     found = {n: meaning(n) if _NAMELESS.fullmatch(n) else _of_tokens(*tokens) for n, tokens in split.items()}
@@ -428,7 +431,7 @@ def _tokens(name: str) -> tuple[list[str], str]:
     """Return a name's words and numbers in lower case, and the unit in brackets, after a slash, or last."""
     name = _OTHER_SCRIPT.sub(lambda m: _TRANSLATED[m[0]], name)
     plain = "".join(c for c in unicodedata.normalize("NFKD", name) if not unicodedata.combining(c))
-    plain = plain.replace("\u03bc", "\u00b5")
+    plain = re.sub(r"\u00b1|\+/-", " plusminus ", plain.replace("\u03bc", "\u00b5"))
     unit = ""
     for bracket in re.finditer(r"[\[(]\s*([^\])]*?)\s*[\])]", plain):
         inner = bracket.group(1).lower()

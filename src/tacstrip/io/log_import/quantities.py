@@ -71,6 +71,11 @@ _UNIT_TOLD = re.compile(
     re.IGNORECASE,
 )
 _OVER_VREF = re.compile(r"=\s*\w+\s*\.?/\s*V_?ref\b", re.IGNORECASE)  # as in "Vh = raw/Vref"
+# As National Instruments' programs write it, in seconds.
+_INCREMENT = re.compile(
+    r"(?:^X_Dimension[\t;,]Time\b[\s\S]*?^Delta_X|^wf_increment)[\t;,]\s*([\d.,]+(?:E[+-]?\d+)?)",
+    re.IGNORECASE | re.MULTILINE,
+)
 _PERIOD = re.compile(
     r"\b(?:\w*(?:interval|period|intervall|periode|delta[ _]?[tx]|dt|time ?step|schrittweite)\w*)\b[^\d\n]{0,20}?"
     r"([\d.,]+(?:e[+-]?\d+)?)[\s,;]*(s|ms|us|µs|sec|seconds|msec)\b",
@@ -251,6 +256,8 @@ def _rate_above(clues: Clues) -> float | None:
 
 def _rates_above(clues: Clues) -> set[float]:
     text = "\n".join(clues.table.preamble)
+    if steps := {number_of(d, "," if "," in d else ".") for d in _INCREMENT.findall(text)} - {None, 0.0}:
+        return {1.0 / step for step in steps if step}
     rates = {
         value * (1000.0 if kilo else 1.0)
         for digits, kilo in _RATE.findall(text)
