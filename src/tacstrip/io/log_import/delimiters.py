@@ -29,10 +29,9 @@ _TOPIC = re.compile(
     r"(?P<sent>\{.*\}|\[.*\]|(?=.*[. n])(?:[-+]?\d+(?:\.\d+)?|nan)(?:[,;\s]+(?:[-+]?\d+(?:\.\d+)?|nan))+)\s*"
 )
 _BETWEEN = re.compile(r"[,;\s]+")
-# A word and no path, as of a level, before a record.
-_PREFIXED = re.compile(
-    r"(?P<before>(?!\s*[\w./-]*=)[^{}/=]*[A-Za-z\d][^{}/=]*[\s:>|\]-])(?P<record>\{.*[:=].*\})\s*"
-)
+_LONGEST = 200  # characters before a record
+# Words and no path, as of a level, before a record; no name to which it is given.
+_BEFORE = re.compile(r"[^{}/=]*[A-Za-z\d][^{}/=]*[\s:>|\]-]")
 _NAN = re.compile(r"(?<![^\[:, ;])nan\b", re.IGNORECASE)
 _VALUE = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:\s?[A-Za-z%]{1,3})?|nan|n/a|-{1,3}"
 _SLASHED = re.compile(rf"\s*(?:\S+\s*:\s*)?(?:{_VALUE})(?:\s+/\s+(?:{_VALUE}))+\s*", re.IGNORECASE)
@@ -115,18 +114,19 @@ def without_prefix(text: str) -> str:
     {'time stamp': '12:00:02.5', 'h': 3}
     """
     lines = text.splitlines()
-    found = [_PREFIXED.fullmatch(line) for line in lines]
-    forms = Counter(_form(m["before"]) for m in found if m).most_common(1)
+    heads = [line.partition("{")[0] if line.rstrip().endswith("}") else "" for line in lines]
+    heads = [head if len(head) < _LONGEST and _BEFORE.fullmatch(head) else "" for head in heads]
+    forms = Counter(_form(head) for head in heads if head).most_common(1)
     if not forms or forms[0][1] <= STEADY * sum(bool(re.search(r"\d", line)) for line in lines):
         return text
     made = []
-    for line, m in zip(lines, found, strict=True):
-        if m is None or _form(m["before"]) != forms[0][0]:
+    for line, head in zip(lines, heads, strict=True):
+        if _form(head) != forms[0][0]:
             made.append(line)
             continue
-        stamp = re.search(STAMP, m["before"])
+        stamp = re.search(STAMP, head)
         time = f"'{CLOCK}': '{stamp.group().strip()}', " if stamp else ""
-        made.append("{" + time + m["record"][1:].lstrip())
+        made.append("{" + time + line[len(head) + 1 :].lstrip())
     return "\n".join(made)
 
 

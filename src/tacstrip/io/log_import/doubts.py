@@ -93,7 +93,8 @@ def _of_one_unit(clues: Clues, mapping: ColumnMapping, only_lost: bool) -> None:
     values = np.array([r[3] for r in read])
     if len(values) < 2:
         return
-    steps = values[1:] / values[:-1]
+    with np.errstate(over="ignore"):
+        steps = values[1:] / values[:-1]
     places = [_places(r[2], clues.table.decimal) for r in read]
     # A few far above all others, alone without decimals: these have lost a point.
     tops = [n + 1 for n in np.flatnonzero(steps >= _APART) if n + 1 >= (1.0 - _FEW) * len(values)]
@@ -102,7 +103,7 @@ def _of_one_unit(clues: Clues, mapping: ColumnMapping, only_lost: bool) -> None:
         return
     cut = lost or int(np.argmax(steps)) + 1
     low, high = values[:cut], values[cut:]
-    ratio = float(np.median(high) / np.median(low))
+    ratio = float(np.median(high)) / float(np.median(low))
     few = len(high) <= _FEW * len(values)
     if not lost and (high[0] < _APART * low[-1] or not _RATIOS[0] <= ratio <= _RATIOS[1]):
         return

@@ -109,6 +109,7 @@ _LAST = frozenset(UNITS) - {
     "codes",
 }
 _ANY = _HIGH | _LOW | _OUT | _ONE_OF_PAIR | _VALUE | _STRIP | _BESIDE | frozenset(UNITS)
+_KNOWN = _ANY | _TIME | _SCAN | _WHICH
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "days": 86400.0}
 READING_UNITS = ("V", "mV", "uV", "code", "fraction", "percent", "permille", "cV", "dV")
 CHANNELS = ("h", "l", "out")
@@ -423,10 +424,10 @@ def pair_of(channels: set[str]) -> tuple[str, str] | None:
 
 
 def _singular(word: str) -> str:
-    known = _ANY | _TIME | _SCAN | _WHICH
-    return word[:-1] if word.endswith("s") and word not in known and word[:-1] in known else word
+    return word[:-1] if word.endswith("s") and word not in _KNOWN and word[:-1] in _KNOWN else word
 
 
+@lru_cache(maxsize=2**16)
 def _tokens(name: str) -> tuple[list[str], str]:
     """Return a name's words and numbers in lower case, and the unit in brackets, after a slash, or last."""
     name = _OTHER_SCRIPT.sub(lambda m: _TRANSLATED[m[0]], name)

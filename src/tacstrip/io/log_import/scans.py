@@ -60,7 +60,7 @@ def scans(table: Table, mapping: ColumnMapping, dropped: list[int] | None = None
     lack = [
         n
         for n in (*mapping.columns, mapping.time, mapping.scan, mapping.strip, mapping.which)
-        if n and n not in table.names
+        if n and n not in table.places
     ]
     if lack:
         raise ReadingError(
@@ -272,7 +272,7 @@ def _targets(table: Table, mapping: ColumnMapping) -> list[tuple[str, int, int, 
         number, _, channel = what.rpartition(":")
         strip = 0 if mapping.strip else int(number or first) - first
         end = 0 if mapping.which else channels.index(channel)
-        targets.append((name, table.names.index(name), strip, end))
+        targets.append((name, table.places[name], strip, end))
         if not 0 <= strip < mapping.strips:
             last = first + mapping.strips - 1
             raise ReadingError(

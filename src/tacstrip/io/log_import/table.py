@@ -7,6 +7,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -101,8 +102,13 @@ class Table:
 
     def column(self, name: str) -> list[str]:
         """Return the fields of a column."""
-        place = self.names.index(name)
+        place = self.places[name]
         return [row[place] for row in self.rows]
+
+    @cached_property
+    def places(self) -> dict[str, int]:
+        """Where each column stands in a row."""
+        return {name: place for place, name in enumerate(self.names)}
 
     def where(self, conditions: Sequence[str]) -> Table:
         """Return only the rows in which columns are as such conditions as "pad=left" say; `ReadingError`: none is."""
@@ -314,12 +320,12 @@ def headed(
         raise ReadingError("the log has no line of readings" + (", only names" if above else ""))
     names = _names(above, width)
     columns = list(zip(*(row for _, row in rows), strict=True))
+    first_at: dict[tuple[str, tuple[str, ...]], int] = {}
+    for n, key in enumerate(zip(names, columns, strict=True)):
+        first_at.setdefault(key, n)
     again_at = {
-        n
-        for n in range(width)
-        if columns[n] in [c for c, x in zip(columns[:n], names, strict=False) if x == names[n]]
+        n for n, key in enumerate(zip(names, columns, strict=True)) if first_at[key] < n and any(columns[n])
     }
-    again_at = {n for n in again_at if any(columns[n])}
     if again_at:
         names = [x for n, x in enumerate(names) if n not in again_at]
         rows = [(i, [c for n, c in enumerate(row) if n not in again_at]) for i, row in rows]
