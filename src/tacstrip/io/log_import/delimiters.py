@@ -31,6 +31,9 @@ _TOPIC = re.compile(
 _BETWEEN = re.compile(r"[,;\s]+")
 _LONGEST = 200  # characters before a record
 # Words and no path, as of a level, before a record; no name to which it is given.
+_FIRST = re.compile(
+    r"\s*([EWIDV] (?=\(\d+\) ))?[\[(]?\s*(\d+(?:\.\d+)?)\s*[\])]?[:\s]"
+)  # ESP-IDF's are milliseconds
 _BEFORE = re.compile(r"[^{}/=]*[A-Za-z\d][^{}/=]*[\s:>|\]-]")
 _NAN = re.compile(r"(?<![^\[:, ;])nan\b", re.IGNORECASE)
 _VALUE = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:\s?[A-Za-z%]{1,3})?|nan|n/a|-{1,3}"
@@ -110,8 +113,8 @@ def without_prefix(text: str) -> str:
     Examples
     --------
     >>> print(without_prefix("12:00:01.5 INFO pad: {'h': 2}\n12:00:02.5 INFO pad: {'h': 3}"))
-    {'time stamp': '12:00:01.5', 'h': 2}
-    {'time stamp': '12:00:02.5', 'h': 3}
+    {'h': 2, "time stamp": "12:00:01.5"}
+    {'h': 3, "time stamp": "12:00:02.5"}
     """
     lines = text.splitlines()
     heads = [line.partition("{")[0] if line.rstrip().endswith("}") else "" for line in lines]
@@ -124,10 +127,17 @@ def without_prefix(text: str) -> str:
         if _form(head) != forms[0][0]:
             made.append(line)
             continue
-        stamp = re.search(STAMP, head)
-        time = f"'{CLOCK}': '{stamp.group().strip()}', " if stamp else ""
-        made.append("{" + time + line[len(head) + 1 :].lstrip())
+        made.append(f"{line[len(head) :].rstrip()[:-1]}{_time_before(head)}}}")
     return "\n".join(made)
+
+
+def _time_before(head: str) -> str:
+    """Return as the end of a record what time stands before it: a time of day, or a number in brackets or first."""
+    if stamp := re.search(STAMP, head):
+        return f', "{CLOCK}": "{stamp.group().strip()}"'
+    if first := _FIRST.match(head):
+        return f', "time before each line{" [ms]" if first[1] else ""}": "{first[2]}"'
+    return ""
 
 
 def _form(before: str) -> str:

@@ -261,7 +261,7 @@ def _yaml(text: str, path: str) -> Table | None:
         value = found[0][1]
         return of_values(value if isinstance(value, list) else [value], path, "documents in YAML")
     keys = [set(_paths(value)) for _, value in found]
-    cut = len(found) > _FEW and keys[-1] < set.intersection(*keys[:-1])
+    cut = len(found) > _FEW and (keys[-1] < set.intersection(*keys[:-1]) or _ends_within(text, documents))
     table = of_values(found[: len(found) - cut], path, "documents in YAML", numbered=True)
     return (
         replace(table, broken=(found[-1][0],), quotes={found[-1][0]: "the last record"})
@@ -270,9 +270,16 @@ def _yaml(text: str, path: str) -> Table | None:
     )
 
 
+def _ends_within(text: str, documents: Sequence[tuple[int, list[str]]]) -> bool:
+    """Return whether a text ends within its last line: that is shorter than the last lines of all other documents."""
+    last = [len(doc[-1].strip()) for _, doc in documents if doc]
+    return not text.endswith(("\n", "\r")) and last[-1] < min(last[:-1])
+
+
 def _paths(value: Any, before: str = "") -> Iterable[str]:
     """Yield the keys of all levels of a record."""
-    for key, inner in value.items() if isinstance(value, dict) else ():
+    parts = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, inner in parts:
         yield f"{before}{key}"
         yield from _paths(inner, f"{before}{key}.")
 

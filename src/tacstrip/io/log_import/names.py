@@ -57,7 +57,7 @@ _BESIDE = _words(
 )  # beside another word, they say nothing more
 _FILLER = _words(
     "field header msg message stamp the of der des in at rosbag and side end edge seite ende lado lato cote extremo "
-    "extremite electrode contact signal"
+    "extremite electrode contact signal mean avg average mittel mittelwert moyenne media"
 )
 # Of what is said beside a mean, and is none.
 _SPREAD = _words("plusminus std stdev stddev sd sem sigma err error unc uncertainty stabw")
@@ -340,7 +340,7 @@ def _of_tokens(tokens: list[str], unit: str) -> Meaning:
     if not numbers:
         unit = unit or next((UNITS[w] for w in words if w in UNITS and w != "v"), "")
         if named == {"x", "value"} or (
-            named == {"x", "axis"} and unit in TIME_UNITS
+            "x" in named and named <= {"x", "axis"} and unit in TIME_UNITS
         ):  # as LabVIEW and scopes write
             return Meaning("time", unit=unit or "s")
         if named & {"x", "pos", "position"} and unit in (*LENGTHS_MM, "") and not named & _VALUE:

@@ -449,6 +449,13 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
     told = [found.meanings[n] for n in mapping.columns]
     named = {m.unit for m in told} - {""}
     volts = any(m.volts for m in told)
+    most = 1.0 / OF_VREF["percent"]
+    if (
+        named == {"fraction"}
+        and 1.0 + _OFF_VREF < values.max() <= most
+        and (values != np.round(values)).any()
+    ):
+        named = set()  # a ratio in percent, say
     if named == {"fraction"} and values.max() > 1.0 and all(map(is_called_k, mapping.columns)):
         named = {"code"} if bits and (values == np.round(values)).all() else set()
         if named and values.max() <= 1.0 / OF_VREF["permille"] and not answer:
