@@ -449,10 +449,10 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
     told = [found.meanings[n] for n in mapping.columns]
     named = {m.unit for m in told} - {""}
     volts = any(m.volts for m in told)
-    most = 1.0 / OF_VREF["percent"]
+    hundred = 1.0 / OF_VREF["percent"]
     if (
         named == {"fraction"}
-        and 1.0 + _OFF_VREF < values.max() <= most
+        and 1.0 + _OFF_VREF < values.max() <= hundred
         and (values != np.round(values)).any()
     ):
         named = set()  # a ratio in percent, say
