@@ -159,6 +159,7 @@ def _show(found: Proposal, sensor: Sensor | None) -> None:
         "  scan  time_s  strip  "
         + "  ".join(f"{c:>8}" for c in found.mapping.channels)
         + f"   [{found.mapping.unit}]"
+        + (f" (to be multiplied by {found.mapping.scale:g})" if found.mapping.scale != 1.0 else "")
         + ("   (strips are numbered as in the output)" if base != found.mapping.strip_base else "")
     )
     upto = rows(found.scans[: max(shown) + 1], base)

@@ -153,7 +153,7 @@ def _meanings(clues: Clues) -> dict[str, Meaning]:
                 )
     found |= {
         n: Meaning("") for n, m in found.items()
-        if m.role == "reading" and all(map(_LOGIC.fullmatch, table.column(n)))
+        if m.role == "reading" and (all(map(_LOGIC.fullmatch, table.column(n))) or _is_clock(table.column(n)))
     }  # fmt: skip
     before = dict(found)
     for name in table.names:
@@ -344,7 +344,7 @@ def _strip(clues: Clues, known: dict[str, Meaning], which: str, wide: list[str])
         if name == ROW and (not strips or len(set(fields)) == strips):
             clues.because("each block has a line for each strip, in their order")
             return name, 0.0
-        unknown = known[name].role in ("", "scan") and name != ROW
+        unknown = known[name].role in ("", "scan", "which") and name not in (ROW, which)
         if unknown and strips > 1 and _cycles(clues.values(name)) and len(set(fields)) == strips:
             clues.because(f"{name}: {strips} whole numbers that come again and again, as many as strips")
             return name, 0.0

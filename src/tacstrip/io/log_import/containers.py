@@ -5,13 +5,14 @@ from __future__ import annotations
 import gzip
 import importlib
 import tempfile
+import zipfile
 import zlib
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +26,9 @@ from tacstrip.io.log_import.table import Table, decimal_mark, headed, text_of
 from tacstrip.io.log_import.text import decoded, of_text
 
 _MOST_UNPACKED = 2**28  # bytes
+_MOST_ROWS = 2**20  # of a sheet, as the form sets it
+_MOST_NUMBERS = 2**25  # of a file: as many take gigabytes
+_LONG = 100  # characters of a library's message
 
 
 class SeveralSheets(Exception):  # noqa: N818, a question
@@ -79,10 +83,7 @@ def _of_gzip(file: Path, sheet: str | None) -> Table:
             with gzip.open(file) as packed, plain.open("wb") as out:
                 size = 0
                 while part := packed.read(2**20):
-                    if (size := size + len(part)) > _MOST_UNPACKED:
-                        raise ReadingError(
-                            f"{file}: more than {_MOST_UNPACKED / 2**20:g} MB unpacked; cut it into pieces"
-                        )
+                    _check_size(file, size := size + len(part))
                     out.write(part)
         except (OSError, EOFError, zlib.error) as error:
             raise ReadingError(f"{file}: no .gz file, or a damaged one ({error})") from None
@@ -105,24 +106,49 @@ def _field(value: Any) -> str:
 
 @contextmanager
 def _library_at_work(file: Path) -> Iterator[None]:
-    """Turn whatever a library raises on a damaged file of its own form into a `ReadingError`."""
+    """Turn whatever a library raises on a damaged file of its own form, which is open, into a `ReadingError`."""
     try:
         yield
-    except OSError:
+    except ReadingError:
         raise
     except Exception as error:
-        raise ReadingError(
-            f"{file}: no {file.suffix} file, or a damaged one ({type(error).__name__})"
-        ) from None
+        why = " ".join(str(error).split())[:_LONG] or type(error).__name__
+        raise ReadingError(f"{file}: no {file.suffix} file, or a damaged one ({why})") from None
+
+
+def _check_unpacked(file: Path, opened: BinaryIO) -> None:
+    """Refuse what is no zip file, or would unpack to more than fits."""
+    with zipfile.ZipFile(opened) as packed:
+        _check_size(file, sum(member.file_size for member in packed.infolist()))
+    opened.seek(0)
+
+
+def _check_size(file: Path, size: int) -> None:
+    if size > _MOST_UNPACKED:
+        raise ReadingError(f"{file}: more than {_MOST_UNPACKED / 2**20:g} MB unpacked; cut it into pieces")
 
 
 def _sheets(file: Path) -> dict[str, list[list[Any]]]:
     """Return the cells of the sheets of a workbook that hold something, by name."""
     openpyxl = _library("openpyxl", file, "spreadsheet")
     with file.open("rb") as opened, _library_at_work(file):
+        _check_unpacked(file, opened)
         book = openpyxl.load_workbook(opened, read_only=True, data_only=True)
-        found = {ws.title: [list(row) for row in ws.iter_rows(values_only=True)] for ws in book.worksheets}
+        found = {ws.title: _cells(ws, file) for ws in book.worksheets}
     return {title: rows for title, rows in found.items() if any(text_of(c) for row in rows for c in row)}
+
+
+def _cells(sheet: Any, file: Path) -> list[list[Any]]:
+    """Return the cells of a sheet, each row as far as it is filled: the size that the sheet states may be wrong."""
+    sheet.reset_dimensions()
+    rows: list[list[Any]] = []
+    for row in sheet.iter_rows(values_only=True):
+        rows.append(list(row))
+        if len(rows) > _MOST_ROWS:
+            raise ReadingError(
+                f"{file}: sheet {sheet.title!r} has more rows than a sheet can have: it is damaged"
+            )
+    return rows
 
 
 def _of_workbook(file: Path, sheets: dict[str, list[list[Any]]], name: str | None) -> Table:
@@ -169,9 +195,11 @@ def _names_strips(table: Table) -> bool:
 
 
 def _of_cells(cells: list[list[Any]], path: str | Path) -> Table:
-    written = [[c if isinstance(c, str) else "" for c in row] for row in cells]
-    width = max(len(row) for row in cells)
-    comma = decimal_mark([[c.strip() for c in row] + [""] * (width - len(row)) for row in written]) == ","
+    written = [
+        [c.strip() if isinstance(c, str) else "" for c in row] for row in cells if any(map(text_of, row))
+    ]
+    width = max(map(len, written), default=0)
+    comma = decimal_mark([row + [""] * (width - len(row)) for row in written]) == ","
     rows = [
         [c.strip().replace(",", ".") if comma and isinstance(c, str) and _is_comma(c) else text_of(c) for c in row]
         for row in cells
@@ -194,8 +222,13 @@ def _is_comma(text: str) -> bool:
 
 
 def _archive(file: Path) -> dict[str, npt.NDArray[Any]]:
-    with file.open("rb") as opened, _library_at_work(file), np.load(opened, allow_pickle=False) as archive:
-        return {name: archive[name] for name in archive.files}
+    with file.open("rb") as opened, _library_at_work(file):
+        _check_unpacked(file, opened)
+        archive = np.load(opened, allow_pickle=False)
+        found = {name: archive[name] for name in archive.files}
+        if strange := [name for name, array in found.items() if not isinstance(array, np.ndarray)]:
+            raise ReadingError(f"{file}: {strange[0]} in it is no array: no .npz file, or a damaged one")
+        return found
 
 
 def _of_archive(arrays: dict[str, npt.NDArray[Any]], path: str | Path) -> Table:
@@ -206,7 +239,10 @@ def _of_archive(arrays: dict[str, npt.NDArray[Any]], path: str | Path) -> Table:
 def _parquet(file: Path) -> dict[str, list[Any]]:
     parquet = _library("pyarrow.parquet", file, "data")
     with file.open("rb") as opened, _library_at_work(file):
-        columns: dict[str, list[Any]] = parquet.read_table(opened).to_pydict()
+        said = parquet.ParquetFile(opened, page_checksum_verification=True)
+        if said.metadata.num_rows * said.metadata.num_columns > _MOST_NUMBERS:
+            raise ReadingError(f"{file}: more than {_MOST_NUMBERS:,} numbers; cut it into pieces")
+        columns: dict[str, list[Any]] = said.read().to_pydict()
     return columns
 
 

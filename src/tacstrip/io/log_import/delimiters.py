@@ -9,6 +9,7 @@ from collections import Counter
 from tacstrip.io.log_import.fields import STAMP
 from tacstrip.io.log_import.names import meaning
 from tacstrip.io.log_import.records import STEADY
+from tacstrip.io.log_import.table import CLOCK
 
 Lines = list[tuple[int, str]]
 _END = re.compile(
@@ -28,6 +29,12 @@ _TOPIC = re.compile(
     r"(?P<sent>\{.*\}|\[.*\]|(?=.*[. n])(?:[-+]?\d+(?:\.\d+)?|nan)(?:[,;\s]+(?:[-+]?\d+(?:\.\d+)?|nan))+)\s*"
 )
 _BETWEEN = re.compile(r"[,;\s]+")
+_LONGEST = 200  # characters before a record
+# Words and no path, as of a level, before a record; no name to which it is given.
+_FIRST = re.compile(
+    r"\s*([EWIDV] (?=\(\d+\) ))?[\[(]?\s*(\d+(?:\.\d+)?)\s*[\])]?[:\s]"
+)  # ESP-IDF's are milliseconds
+_BEFORE = re.compile(r"[^{}/=]*[A-Za-z\d][^{}/=]*[\s:>|\]-]")
 _NAN = re.compile(r"(?<![^\[:, ;])nan\b", re.IGNORECASE)
 _VALUE = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:\s?[A-Za-z%]{1,3})?|nan|n/a|-{1,3}"
 _SLASHED = re.compile(rf"\s*(?:\S+\s*:\s*)?(?:{_VALUE})(?:\s+/\s+(?:{_VALUE}))+\s*", re.IGNORECASE)
@@ -98,6 +105,43 @@ def without_tag(lines: Lines) -> Lines:
     if many <= STEADY * len(lines) or meaning(tag).role:
         return lines
     return [(i, line.removeprefix(f"{tag}: ")) for i, line in lines]
+
+
+def without_prefix(text: str) -> str:
+    r"""Return lines of a record behind what a logger puts before it, as records with the time that stands there.
+
+    Examples
+    --------
+    >>> print(without_prefix("12:00:01.5 INFO pad: {'h': 2}\n12:00:02.5 INFO pad: {'h': 3}"))
+    {'h': 2, "time stamp": "12:00:01.5"}
+    {'h': 3, "time stamp": "12:00:02.5"}
+    """
+    lines = text.splitlines()
+    heads = [line.partition("{")[0] if line.rstrip().endswith("}") else "" for line in lines]
+    heads = [head if len(head) < _LONGEST and _BEFORE.fullmatch(head) else "" for head in heads]
+    forms = Counter(_form(head) for head in heads if head).most_common(1)
+    if not forms or forms[0][1] <= STEADY * sum(bool(re.search(r"\d", line)) for line in lines):
+        return text
+    made = []
+    for line, head in zip(lines, heads, strict=True):
+        if _form(head) != forms[0][0]:
+            made.append(line)
+            continue
+        made.append(f"{line[len(head) :].rstrip()[:-1]}{_time_before(head)}}}")
+    return "\n".join(made)
+
+
+def _time_before(head: str) -> str:
+    """Return as the end of a record what time stands before it: a time of day, or a number in brackets or first."""
+    if stamp := re.search(STAMP, head):
+        return f', "{CLOCK}": "{stamp.group().strip()}"'
+    if first := _FIRST.match(head):
+        return f', "time before each line{" [ms]" if first[1] else ""}": "{first[2]}"'
+    return ""
+
+
+def _form(before: str) -> str:
+    return re.sub(r"\d+", "0", before)
 
 
 def of_sent(text: str) -> str:

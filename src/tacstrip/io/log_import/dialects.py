@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.arrays import of_arrays
 from tacstrip.io.log_import.fields import number_of, says_nothing
 from tacstrip.io.log_import.names import meaning
@@ -38,6 +39,8 @@ _COPIED = re.compile(r"(?ms)^COPY\s+(\S+)\s*\(([^()]*)\)\s+FROM\s+stdin;\s*\n(.*
 _CONSTRAINT = re.compile(r"\s*(?:PRIMARY|UNIQUE|FOREIGN|CONSTRAINT|CHECK|KEY|INDEX)\b", re.IGNORECASE)
 _VECTOR = re.compile(r"`?([\w.]+)`?\s*=\s*c\(([^()]*)\)")
 
+_HDF5_SET = re.compile(r'(DATASET|ATTRIBUTE) "([^"]+)" \{((?:[^{}]|\{[^{}]*\})*?)\n?\s*\}')
+_HDF5_DATA = re.compile(r"DATASPACE\s+(?:SCALAR|SIMPLE \{ \(([\d, ]+)\)[^{}]*\})[\s\S]*?DATA \{([^{}]*)\}")
 _ENTRY = r"(?:[-+]?\d[\d.]*(?:[eE][-+]?\d+)?|(?i:nan)|NA)"
 _MATRIX_ROW = rf"[ \t]*{_ENTRY}(?:[ \t]+{_ENTRY})*[ \t]*\n"
 _MATRIX = re.compile(
@@ -47,7 +50,14 @@ _MATRIX = re.compile(
 
 def of_dialect(text: str, path: str) -> Table | None:
     """Return a text of a known dialect as a table, not yet in normal form; None where it is of none."""
-    readers: tuple[Callable[[str, str], Table | None], ...] = (_teleplot, _influx, _matlab, _of_r, _yaml)
+    readers: tuple[Callable[[str, str], Table | None], ...] = (
+        _teleplot,
+        _influx,
+        _hdf5,
+        _matlab,
+        _of_r,
+        _yaml,
+    )
     return next((table for read in readers if (table := read(text, path)) is not None), None)
 
 
@@ -193,6 +203,32 @@ def _with_broken(table: Table, lines: Sequence[tuple[int, str]], form: re.Patter
     return replace(table, broken=tuple(broken), quotes=broken)
 
 
+def _hdf5(text: str, path: str) -> Table | None:
+    """Return what h5dump prints of data sets of numbers."""
+    if not re.match(r'\s*HDF5 "', text):
+        return None
+    arrays: dict[str, npt.NDArray[Any]] = {}
+    numbers: dict[str, float] = {}
+    for kind, name, inner in _HDF5_SET.findall(text):
+        found = _HDF5_DATA.search(inner)
+        fields = (
+            re.split(r"[,\s]+", re.sub(r"\(\d+(?:,\d+)*\):", " ", found[2]).strip(", \n")) if found else []
+        )
+        values = _vector(fields) if found else None
+        if found is None or values is None:
+            continue
+        shape = [int(n) for n in re.findall(r"\d+", found[1] or "")]
+        if kind == "ATTRIBUTE" or not shape:
+            numbers |= {name: float(values[0])} if len(values) == 1 else {}
+        elif len(values) != int(np.prod(shape)):
+            raise ReadingError(
+                f"{path}: {name} holds {len(values)} numbers, and {found[1].strip()} are said: is it cut?"
+            )
+        else:
+            arrays[name] = values.reshape(shape)
+    return of_arrays(arrays, path, numbers, "data sets as h5dump prints them") if arrays else None
+
+
 # YAML
 
 
@@ -225,7 +261,7 @@ def _yaml(text: str, path: str) -> Table | None:
         value = found[0][1]
         return of_values(value if isinstance(value, list) else [value], path, "documents in YAML")
     keys = [set(_paths(value)) for _, value in found]
-    cut = len(found) > _FEW and keys[-1] < set.intersection(*keys[:-1])
+    cut = len(found) > _FEW and (keys[-1] < set.intersection(*keys[:-1]) or _ends_within(text, documents))
     table = of_values(found[: len(found) - cut], path, "documents in YAML", numbered=True)
     return (
         replace(table, broken=(found[-1][0],), quotes={found[-1][0]: "the last record"})
@@ -234,9 +270,16 @@ def _yaml(text: str, path: str) -> Table | None:
     )
 
 
+def _ends_within(text: str, documents: Sequence[tuple[int, list[str]]]) -> bool:
+    """Return whether a text ends within its last line: that is shorter than the last lines of all other documents."""
+    last = [len(doc[-1].strip()) for _, doc in documents if doc]
+    return not text.endswith(("\n", "\r")) and last[-1] < min(last[:-1])
+
+
 def _paths(value: Any, before: str = "") -> Iterable[str]:
     """Yield the keys of all levels of a record."""
-    for key, inner in value.items() if isinstance(value, dict) else ():
+    parts = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, inner in parts:
         yield f"{before}{key}"
         yield from _paths(inner, f"{before}{key}.")
 

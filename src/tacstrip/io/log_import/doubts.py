@@ -30,14 +30,12 @@ _VALIDITY = re.compile(
     r"(?:is_?)?(?:valid|ok|okay|good|bad|invalid|error|err|fault|flag|quality|saturated|overrange|clipped)",
     re.IGNORECASE,
 )
-_SCALED = re.compile(
-    r"\b(?:multipl\w+|divide[dr]?|dividers?|gains?|attenuat\w+|amplif\w+|scaled? (?:by|with)|scal(?:e|ing) factor)\b"
-    r"|(?<!\w)(?:[x\u00d7] ?\d+|\d+ ?[x\u00d7]|1:\d+|\d+:1) ?probe|\bprobes?\W{0,3}"
+# Of an oscilloscope, which as a rule has done it.
+_ATTENUATED = re.compile(
+    r"\battenuat\w+|(?<!\w)(?:[x\u00d7] ?\d+|\d+ ?[x\u00d7]|1:\d+|\d+:1) ?probe|\bprobes?\W{0,3}"
     r"(?:[x\u00d7] ?\d|\d+ ?[x\u00d7]|\d+:1)",
     re.IGNORECASE,
 )
-_RESOLUTION = re.compile(r"analogReadResolution\((\d+)\)|\b(\d{1,2})[\s_-]?bits?\b", re.IGNORECASE)
-_OF_TIME = re.compile(r"time|clock|count|tick|baud", re.IGNORECASE)
 _LONGEST = 100  # characters of a comment that are quoted
 _NO_FACTOR = 1.5  # times: clocks that differ by less may drift, or begin and end at other lines
 
@@ -56,7 +54,7 @@ def raise_doubts(clues: Clues, mapping: ColumnMapping) -> None:
         _of_known_units(mapping)
     _written_alike(clues, mapping)
     _vref(clues)
-    _scaled(clues)
+    _attenuated(clues)
     _two_clocks(clues, mapping)
     used = {*mapping.columns, mapping.time, mapping.scan, mapping.strip, mapping.which}
     for name in clues.table.names:
@@ -95,7 +93,8 @@ def _of_one_unit(clues: Clues, mapping: ColumnMapping, only_lost: bool) -> None:
     values = np.array([r[3] for r in read])
     if len(values) < 2:
         return
-    steps = values[1:] / values[:-1]
+    with np.errstate(over="ignore"):
+        steps = values[1:] / values[:-1]
     places = [_places(r[2], clues.table.decimal) for r in read]
     # A few far above all others, alone without decimals: these have lost a point.
     tops = [n + 1 for n in np.flatnonzero(steps >= _APART) if n + 1 >= (1.0 - _FEW) * len(values)]
@@ -104,7 +103,7 @@ def _of_one_unit(clues: Clues, mapping: ColumnMapping, only_lost: bool) -> None:
         return
     cut = lost or int(np.argmax(steps)) + 1
     low, high = values[:cut], values[cut:]
-    ratio = float(np.median(high) / np.median(low))
+    ratio = float(np.median(high)) / float(np.median(low))
     few = len(high) <= _FEW * len(values)
     if not lost and (high[0] < _APART * low[-1] or not _RATIOS[0] <= ratio <= _RATIOS[1]):
         return
@@ -159,28 +158,16 @@ def _written_alike(clues: Clues, mapping: ColumnMapping) -> None:
             )
 
 
-def _scaled(clues: Clues) -> None:
-    """Doubt readings of which a comment says that they are scaled, or that their resolution changes."""
-    bits: dict[int, str] = {}
+def _attenuated(clues: Clues) -> None:
+    """Doubt readings of which a comment says that a probe attenuates them."""
     for line in clues.table.preamble:
         text = " ".join(line.split()).lstrip("#%/! ")
         numbers = [float(n) for n in re.findall(r"(?<![\w.])\d+(?:\.\d+)?(?![\w.])", text)]
-        if _SCALED.search(text) and not (numbers and {*numbers} == {1.0}):
+        if _ATTENUATED.search(text) and not (numbers and {*numbers} == {1.0}):
             clues.doubt(
                 f"the log says {text[:_LONGEST]!r}: readings are taken as they stand; "
                 "if they must be scaled, do it first"
             )
-        for called, said in _RESOLUTION.findall(text):
-            if called or not _OF_TIME.search(text):
-                bits.setdefault(int(called or said), text[:_LONGEST])
-    spec = clues.sensor.adc_bits if clues.sensor else None
-    if len(bits) > 1:
-        clues.doubt(
-            f"the log says {' and '.join(map(repr, bits.values()))}: all codes are taken as of one resolution; if it "
-            "changed, import each part of its own"
-        )
-    elif bits and spec and spec not in bits and "adc_bits" not in clues.answers:
-        clues.doubt(f"the log says {next(iter(bits.values()))!r}, and the spec adc_bits = {spec}")
 
 
 def _two_clocks(clues: Clues, mapping: ColumnMapping) -> None:

@@ -13,8 +13,8 @@ from tacstrip.io.log_import.names import UNITS
 
 # What stands for an untouched strip in anybody's log.
 NOTHING = frozenset(
-    {"", "nan", "na", "n/a", "n.a.", "#n/a", "<na>", "nat", "-", "--", "---", "null", "none", "open", "untouched"}
-    | {".", "x", "off", "idle", "free", "frei", "s/d", "s.d.", "k.a.", "n.d."}
+    {"", "nan", "na", "n/a", "n.a.", "#n/a", "<na>", "nat", "-", "--", "---", "null", "none", "nil", "open"}
+    | {"untouched", ".", "x", "off", "idle", "free", "frei", "s/d", "s.d.", "k.a.", "n.d."}
     | {"released", "not touched", "no touch", "unber\u00fchrt"}
     | {"-nan", "nc", "n.c.", "n.v.", "no contact", "[]", "{}", "offen", "leer", "vide", "\u2013", "\u2014"}
 )  # fmt: skip
@@ -33,6 +33,7 @@ _DATE = (
     r"|(?P<a>\d\d?)(?P<mark>[-/. ])(?P<b>\d\d?|[A-Za-z]{3,9}\.?)[-/. ](?P<y>\d{4}|\d\d))"
 )
 _ZONE = r"\s*(?:Z|UTC|[+-]\d\d:?\d\d)?"
+_OFFSET = re.compile(r"([+-])(\d\d):?(\d\d)\Z")
 STAMP = rf"(?:{_DATE}(?:[T_]|,? +))?{_OF_DAY}{_ZONE}"  # a date, if any, and a time of day
 _CLOCK = re.compile(rf"(?:{_DATE}[T ,_]+)?{_OF_DAY}{_ZONE}")
 _COMPACT = re.compile(r"(\d{4})(\d\d)(\d\d)[T_ -](\d\d)(\d\d)(\d\d(?:\.\d+)?)")
@@ -178,6 +179,8 @@ def clock_seconds(text: str, day_first: bool = False) -> float | None:
     if hour > 24 or int(found["m"]) > 59 or seconds > 61.0:
         return None
     of_day = hour * 3600.0 + int(found["m"]) * 60.0 + seconds
+    if (zone := _OFFSET.search(text)) and (found["Y"] or found["a"]):  # of summer or winter, so it may change
+        of_day -= (1.0 if zone[1] == "+" else -1.0) * (int(zone[2]) * 3600.0 + int(zone[3]) * 60.0)
     if found["Y"]:
         days = _days(int(found["Y"]), found["M"], int(found["D"]))
     elif found["a"]:

@@ -13,7 +13,7 @@ from typing import TypeVar
 import numpy as np
 
 from tacstrip.errors import OptionError, ReadingError
-from tacstrip.io.log_import import quantities
+from tacstrip.io.log_import import conversion, quantities
 from tacstrip.io.log_import.columns import Columns, above, find_columns
 from tacstrip.io.log_import.doubts import raise_doubts
 from tacstrip.io.log_import.mapping import ColumnMapping
@@ -31,6 +31,7 @@ _BASE_TOLD = re.compile(
     r"|\b([01])[ -](?:based|indexed)\b|\bfirst strip\b[^\d\n]{0,20}?\b([01])\b|\bstrips ([01]) ?(?:to|-|\.\.+|bis) ?\d",
     re.IGNORECASE,
 )
+_TOUCH = re.compile(r"touch|contact|press|active|ber(?:\u00fc|ue)hrt", re.IGNORECASE)
 _SHOWN, _LONG = 3, 72  # broken lines, and characters of each, that are quoted
 _FEW_BROKEN, _MOST_BROKEN = 2, 1.0 / 3.0  # lines, and part of the lines: of more, the log is of another form
 _MOST_COMPLETE = 0.5  # of the scans: if more have all strips, lines are lost where others have not
@@ -167,6 +168,7 @@ def _assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
         raise Unanswered(*clues.questions) from None
     mapping, rough = _rough(clues, found)
     mapping = quantities.settled_time(clues, mapping, rough)
+    mapping = replace(mapping, scale=conversion.factor(clues))
     mapping = replace(mapping, untouched=(*mapping.untouched, *quantities.numbers_for_nothing(clues, rough)))
     loose = replace(mapping, time_unit=mapping.time_unit or "s", restart="continue", missing="untouched")
     rough = scans(clues.table, loose)
@@ -185,6 +187,7 @@ def _rough(clues: Clues, found: Columns) -> tuple[ColumnMapping, list[LogScan]]:
         broken_lines=_broken(clues), untouched=quantities.words_for_nothing(clues, found), missing="untouched",
         only=clues.only,
     )  # fmt: skip
+    mapping = quantities.with_zero(clues, mapping)
     clues.choice("missing", ("untouched", "error"))
     mapping = quantities.with_time(clues, mapping, found)
     loose = replace(mapping, time_unit=mapping.time_unit or "s", restart="continue")
@@ -388,6 +391,9 @@ def _missing(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> str:
                 "only touched strips have lines: they lie side by side, and none is without a reading"
             )
             return "untouched"
+        if flag := _flag_of_touch(clues.table, mapping):
+            clues.because(f"values that are not there are of untouched strips, as {flag} says")
+            return "untouched"
         what = "values" if "lacks a value" in str(error) else "strips"
         clues.ask(
             "missing",
@@ -396,6 +402,19 @@ def _missing(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> str:
         )
         return "untouched"
     return "error"
+
+
+def _flag_of_touch(table: Table, mapping: ColumnMapping) -> str:
+    """Return a column such as "touched" that has one value where readings are, and another where none is; else ""."""
+    if not mapping.strip:
+        return ""
+    there = [any(fields) for fields in zip(*map(table.column, mapping.columns), strict=True)]
+    for name in table.names:
+        if _TOUCH.search(name) and name not in mapping.columns:
+            pairs = {*zip(there, table.column(name), strict=True)}
+            if len(pairs) == 2 == len({flag for _, flag in pairs}) and len({t for t, _ in pairs}) == 2:
+                return name
+    return ""
 
 
 def _only_touched(table: Table, mapping: ColumnMapping, rough: list[LogScan]) -> bool:

@@ -14,6 +14,7 @@ RESTARTS = ("error", "continue", "first", "last")
 _KINDS: dict[str, type | tuple[type, ...]] = {
     "columns": dict, "untouched": list, "only": list, "strips": int, "strip_base": int, "format": int,
     "rate_hz": (int, float), "vref_volt": (int, float), "adc_bits": int, "time_bits": int, "strip_step": (int, float),
+    "scale": (int, float), "zero": (int, float), "adc_bits_of_lines": bool,
 }  # fmt: skip
 
 
@@ -56,6 +57,12 @@ class ColumnMapping:
         Where the column of the strip says instead where it lies: from strip to strip, in the column's unit; else 0.
     only
         Lines that are taken, where others are of other sensors: "pad=left".
+    scale
+        What readings are multiplied by, as where they are behind a divider.
+    zero
+        The code of 0 V, where codes have a sign that is written as an offset.
+    adc_bits_of_lines
+        Whether codes are of the resolution that the line above them says, and so brought to `adc_bits`.
     """
 
     columns: dict[str, str]
@@ -79,6 +86,9 @@ class ColumnMapping:
     restart: str = "error"
     strip_step: float = 0.0
     only: tuple[str, ...] = ()
+    scale: float = 1.0
+    zero: float = 0.0
+    adc_bits_of_lines: bool = False
 
     def save(self, path: str | Path) -> None:
         """Write it as TOML."""
@@ -88,6 +98,7 @@ class ColumnMapping:
             if item.name == "columns" or (value == item.default and item.name != "format"):
                 continue
             shown = f"[{', '.join(map(_quoted, value))}]" if isinstance(value, tuple) else value
+            shown = str(value).lower() if isinstance(value, bool) else shown
             lines.append(f"{item.name} = {_quoted(shown) if isinstance(value, str) else shown}")
         lines += [
             "",
@@ -110,7 +121,7 @@ class ColumnMapping:
             if key not in known:
                 raise OptionError(f"{path}: " + one_of("key", key, tuple(known)))
             kind = _KINDS.get(key, str)
-            if not isinstance(value, kind) or isinstance(value, bool):
+            if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
                 raise OptionError(
                     f"{path}: {key} = {value!r} is of the wrong kind; let `tacstrip import` write one to see"
                 )
@@ -133,6 +144,8 @@ class ColumnMapping:
         ):  # fmt: skip
             if value not in known:
                 raise OptionError(f"{place}: " + one_of(name, value, known))
+        if self.scale <= 0.0:
+            raise OptionError(f"{place}: scale = {self.scale:g}; it must be above 0")
         if self.strips < 1 or not self.columns:
             raise OptionError(
                 f"{place}: strips = {self.strips}, columns: {len(self.columns)}; both must be 1 or more"

@@ -49,15 +49,18 @@ _SCAN = _words(
     "scanid unnamed mesure muestra probe run record packet loop iteration step round pass"
 )
 _WHICH = _words(
-    "signature kind end type which side seite level measurement meas signal phase channel ch output"
+    "signature kind end type which side seite level measurement meas signal phase channel ch output mux sel "
+    "select layer bank"
 )
 _BESIDE = _words(
     "no nr number nummer num id idx index nummero numero"
 )  # beside another word, they say nothing more
 _FILLER = _words(
     "field header msg message stamp the of der des in at rosbag and side end edge seite ende lado lato cote extremo "
-    "extremite electrode contact signal"
+    "extremite electrode contact signal mean avg average mittel mittelwert moyenne media"
 )
+# Of what is said beside a mean, and is none.
+_SPREAD = _words("plusminus std stdev stddev sd sem sigma err error unc uncertainty stabw")
 # Of other scripts, the words that logs have.
 _TRANSLATED = {
     word: f" {english} "
@@ -106,6 +109,7 @@ _LAST = frozenset(UNITS) - {
     "codes",
 }
 _ANY = _HIGH | _LOW | _OUT | _ONE_OF_PAIR | _VALUE | _STRIP | _BESIDE | frozenset(UNITS)
+_KNOWN = _ANY | _TIME | _SCAN | _WHICH
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "days": 86400.0}
 READING_UNITS = ("V", "mV", "uV", "code", "fraction", "percent", "permille", "cV", "dV")
 CHANNELS = ("h", "l", "out")
@@ -200,7 +204,7 @@ def meanings(names: Sequence[str]) -> dict[str, Meaning]:
     alike = Counter(
         t for tokens, _ in split.values() for t in set(tokens) if not t.isdecimal() and t not in _ANY
     )
-    shared = {t for t, many in alike.items() if many > 1 and 2 * many >= len(names)}
+    shared = {t for t, many in alike.items() if many > 1 and 2 * many >= len(names)} - _SPREAD
     split = {name: ([t for t in ts if t not in shared] or ts, u) for name, (ts, u) in split.items()}
     split = _with_letters(split)
     found = {n: meaning(n) if _NAMELESS.fullmatch(n) else _of_tokens(*tokens) for n, tokens in split.items()}
@@ -336,7 +340,7 @@ def _of_tokens(tokens: list[str], unit: str) -> Meaning:
     if not numbers:
         unit = unit or next((UNITS[w] for w in words if w in UNITS and w != "v"), "")
         if named == {"x", "value"} or (
-            named == {"x", "axis"} and unit in TIME_UNITS
+            "x" in named and named <= {"x", "axis"} and unit in TIME_UNITS
         ):  # as LabVIEW and scopes write
             return Meaning("time", unit=unit or "s")
         if named & {"x", "pos", "position"} and unit in (*LENGTHS_MM, "") and not named & _VALUE:
@@ -420,15 +424,15 @@ def pair_of(channels: set[str]) -> tuple[str, str] | None:
 
 
 def _singular(word: str) -> str:
-    known = _ANY | _TIME | _SCAN | _WHICH
-    return word[:-1] if word.endswith("s") and word not in known and word[:-1] in known else word
+    return word[:-1] if word.endswith("s") and word not in _KNOWN and word[:-1] in _KNOWN else word
 
 
+@lru_cache(maxsize=2**16)
 def _tokens(name: str) -> tuple[list[str], str]:
     """Return a name's words and numbers in lower case, and the unit in brackets, after a slash, or last."""
     name = _OTHER_SCRIPT.sub(lambda m: _TRANSLATED[m[0]], name)
     plain = "".join(c for c in unicodedata.normalize("NFKD", name) if not unicodedata.combining(c))
-    plain = plain.replace("\u03bc", "\u00b5")
+    plain = re.sub(r"\u00b1|\+/-", " plusminus ", plain.replace("\u03bc", "\u00b5"))
     unit = ""
     for bracket in re.finditer(r"[\[(]\s*([^\])]*?)\s*[\])]", plain):
         inner = bracket.group(1).lower()

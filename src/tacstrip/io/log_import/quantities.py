@@ -10,6 +10,7 @@ import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.errors import OptionError, ReadingError
+from tacstrip.io.log_import import conversion
 from tacstrip.io.log_import.columns import CLOCK_BITS, Columns
 from tacstrip.io.log_import.fields import clock_seconds, number_of, says_nothing
 from tacstrip.io.log_import.mapping import RESTARTS, ColumnMapping
@@ -70,6 +71,11 @@ _UNIT_TOLD = re.compile(
     re.IGNORECASE,
 )
 _OVER_VREF = re.compile(r"=\s*\w+\s*\.?/\s*V_?ref\b", re.IGNORECASE)  # as in "Vh = raw/Vref"
+# As National Instruments' programs write it, in seconds.
+_INCREMENT = re.compile(
+    r"(?:^X_Dimension[\t;,]Time\b[\s\S]*?^Delta_X|^wf_increment)[\t;,]\s*([\d.,]+(?:E[+-]?\d+)?)",
+    re.IGNORECASE | re.MULTILINE,
+)
 _PERIOD = re.compile(
     r"\b(?:\w*(?:interval|period|intervall|periode|delta[ _]?[tx]|dt|time ?step|schrittweite)\w*)\b[^\d\n]{0,20}?"
     r"([\d.,]+(?:e[+-]?\d+)?)[\s,;]*(s|ms|us|µs|sec|seconds|msec)\b",
@@ -250,6 +256,8 @@ def _rate_above(clues: Clues) -> float | None:
 
 def _rates_above(clues: Clues) -> set[float]:
     text = "\n".join(clues.table.preamble)
+    if steps := {number_of(d, "," if "," in d else ".") for d in _INCREMENT.findall(text)} - {None, 0.0}:
+        return {1.0 / step for step in steps if step}
     rates = {
         value * (1000.0 if kilo else 1.0)
         for digits, kilo in _RATE.findall(text)
@@ -385,7 +393,7 @@ def _at_an_end(clues: Clues, values: FloatArray, rest: list[float]) -> list[str]
     low = [v for v in rest if v < _REST * rest[-1]]
     high = rest[len(low) :]
     there = values <= max(low, default=-1.0)
-    if ends or not low or high[0] <= _GAP * max(low[-1], -low[0]):
+    if ends or not (low and high) or high[0] <= _GAP * max(low[-1], -low[0]):
         return []
     if not _MANY < there.mean() < 1.0 - _FEW_TOUCHED:  # else the others have lost a point
         return []
@@ -429,12 +437,25 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
     values = values[np.isfinite(values)]
     answer = clues.choice("unit", READING_UNITS)
     vref = clues.number("vref_volt") or (sensor.vref_volt if sensor else 0.0)
-    bits = int(clues.number("adc_bits") or (sensor.adc_bits or 0 if sensor else 0))
+    bits = _stated_bits(clues)
+    scale = mapping.scale
     if not len(values):
         return replace(mapping, unit=answer or "V")
+    if values.max() < 0.0 < mapping.zero:
+        raise OptionError(
+            f"codes reach {values.max() + mapping.zero:g}, below {mapping.zero:g}, which would be 0 V: they are not "
+            "offset by half; say --answer coding=signed or coding=unsigned"
+        )
     told = [found.meanings[n] for n in mapping.columns]
     named = {m.unit for m in told} - {""}
     volts = any(m.volts for m in told)
+    hundred = 1.0 / OF_VREF["percent"]
+    if (
+        named == {"fraction"}
+        and 1.0 + _OFF_VREF < values.max() <= hundred
+        and (values != np.round(values)).any()
+    ):
+        named = set()  # a ratio in percent, say
     if named == {"fraction"} and values.max() > 1.0 and all(map(is_called_k, mapping.columns)):
         named = {"code"} if bits and (values == np.round(values)).all() else set()
         if named and values.max() <= 1.0 / OF_VREF["permille"] and not answer:
@@ -445,15 +466,31 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
     filled = [f for n in mapping.columns for f in clues.table.column(n) if not says_nothing(f)]
     if not named and all(f[:2].casefold() == "0x" for f in filled):
         named = {"code"}
-    unit = answer or (named.pop() if len(named) == 1 else _by_size(clues, values, vref, bits, volts))
+    if not named and "coding" in clues.answers:
+        named = {"code"}
+    unit = answer or (named.pop() if len(named) == 1 else _by_size(clues, values, vref / scale, bits, volts))
     open_unit = next((q for q in clues.questions if q.key == "unit"), None)
     if unit == "code" or (open_unit and sensor and "code" in open_unit.choices):
         bits = _bits(clues, values, bits)
-    if sensor is None and unit in ("fraction", "percent") and not vref:
+    of_lines = unit == "code" and clues.answers.get("adc_bits") == "lines"
+    how = conversion.coding(clues, bits) if unit == "code" else "unsigned"
+    if not how:
+        conversion.ask_for_coding(clues)
+    bits -= how in ("signed", "offset") and bits > 0
+    if unit == "code" and how and "adc_bits" not in {q.key for q in clues.questions}:
+        conversion.ask_for_step(clues, bits, vref)
+    if of_lines:
+        clues.because(f"codes are brought to {bits} bits from the resolution that the line above them says")
+    if scale != 1.0:
+        clues.because(f"readings are multiplied by {scale:g}")
+    if sensor is None and (unit in ("fraction", "percent") or how != "unsigned" or of_lines) and not vref:
         clues.ask(
-            "vref_volt", "the readings are over Vref: how many volts is that? Or name the SENSOR", "5", "3.3"
+            "vref_volt",
+            "the readings are parts of Vref: how many volts is that? Or name the SENSOR",
+            "5",
+            "3.3",
         )
-    top = (_most(vref) | {"code": 2.0**bits - 1.0}).get(unit, 0.0)
+    top = (_most(vref / scale) | {"code": 2.0**bits - 1.0}).get(unit, 0.0)
     if unit in IN_VOLTS and sensor and not open_unit and "vref_volt" not in clues.answers:
         over = values > (1.0 + _OFF_VREF) * top
         if over.sum() > _FEW_OVER and over.mean() > _MANY and values.max() <= _MOST_OVER * top and not answer:
@@ -502,7 +539,9 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
         clues.doubt(
             f"in mV, readings do not lie on the steps of the spec's {sensor.adc_bits} bits: are they codes?"
         )
-    other = bits if unit == "code" and sensor is not None and bits != sensor.adc_bits else 0
+    plain = how == "unsigned" and not of_lines and scale == 1.0
+    own = sensor is None or bits == sensor.adc_bits
+    other = 0 if unit != "code" or (plain and own) else bits
     if sensor and (vref == sensor.vref_volt or unit not in IN_VOLTS):
         vref = 0.0
     if sensor and vref:
@@ -510,7 +549,22 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
             f"volts of Vref = {vref:g} are written as such of vref_volt = {sensor.vref_volt:g} of the spec, with the "
             f"same ratios; better put vref_volt = {vref:g} into the spec and import again"
         )
-    return replace(mapping, unit=unit or "V", vref_volt=vref, adc_bits=other)
+    return replace(mapping, unit=unit or "V", vref_volt=vref, adc_bits=other, adc_bits_of_lines=of_lines)
+
+
+def _stated_bits(clues: Clues) -> int:
+    """Return the bits of codes by the answer or the spec; 0 where neither says them."""
+    if clues.answers.get("adc_bits") == "lines":
+        return max(conversion.bits_by_line(clues.table), default=0)
+    return int(clues.number("adc_bits") or (clues.sensor.adc_bits or 0 if clues.sensor else 0))
+
+
+def with_zero(clues: Clues, mapping: ColumnMapping) -> ColumnMapping:
+    """Return the mapping with the code of 0 V, where the log or the answer says that codes are offset by half."""
+    bits = _stated_bits(clues)
+    zero, _ = conversion.told_codes(clues.table)
+    told = clues.answers.get("coding", "" if zero is None or zero != 2.0 ** (bits - 1) else "offset")
+    return replace(mapping, zero=2.0 ** (bits - 1)) if told == "offset" and bits else mapping
 
 
 def _bits(clues: Clues, values: FloatArray, bits: int) -> int:
@@ -524,6 +578,17 @@ def _bits(clues: Clues, values: FloatArray, bits: int) -> int:
     told = {int(b) for b in _BITS_TOLD.findall("\n".join((*clues.table.preamble, *clues.table.names)))} & {
         *_BITS
     }
+    told |= conversion.bits_told(clues.table, clues.sensor.vref_volt if clues.sensor else 0.0)
+    if "adc_bits" not in clues.answers and conversion.changes_below(clues.table):
+        said = clues.table.resolutions
+        line, _, other = next(r for r in said if r[1] != said[0][1])
+        clues.ask(
+            "adc_bits",
+            f"line {said[0][0]} says {said[0][2]!r}, and line {line} {other!r}: are codes of that resolution from "
+            "there on (lines), or all of one?",
+            "lines", *dict.fromkeys(str(b) for _, b, _ in said),
+        )  # fmt: skip
+        return bits
     if not bits and len(told) == 1 and values.max() <= 2.0 ** min(told) - 1.0:
         bits = told.pop()
         clues.because(f"codes of {bits} bits, as the log says")
@@ -595,7 +660,7 @@ def _by_size(clues: Clues, values: FloatArray, vref: float, bits: int, volts: bo
             clues.because(f"codes of {bits} bits, as the log says above them")
             return "code"
     if len(likely) == 1:
-        of = f", and Vref is {vref:g} V" if vref else ""
+        of = f", and Vref is {vref * (clues.number('scale') or 1.0):g} V" if vref else ""
         clues.because(f"readings are in {likely[0]}: they reach {top:g}{of}")
         return likely[0]
     clues.ask(

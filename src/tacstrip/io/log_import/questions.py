@@ -14,7 +14,7 @@ from tacstrip.sensor.spec import Sensor
 ROLES = ("time", "scan", "strip", "which", "position", "skip", *CHANNELS)
 KEYS = (
     "time_unit", "rate_hz", "strip_base", "strips", "unit", "untouched", "missing", "broken_lines", "vref_volt",
-    "adc_bits", "exchanged", "order", "strip_order", "restart", "which_h", "sheet", "readings",
+    "adc_bits", "exchanged", "order", "strip_order", "scale", "coding", "restart", "which_h", "sheet", "readings",
 )  # fmt: skip
 _BASES = {"0-based": "0", "1-based": "1"}  # strips=1-based says strip_base=1
 

@@ -6,13 +6,14 @@ import itertools
 import re
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import ReadingError
+from tacstrip.io.log_import.conversion import bits_by_line
 from tacstrip.io.log_import.fields import clock_times, number_of, says_nothing
 from tacstrip.io.log_import.mapping import ColumnMapping
 from tacstrip.io.log_import.names import TIME_UNITS, meaning
@@ -36,13 +37,14 @@ class LogScan:
     line: int
 
 
-def field_value(text: str, decimal: str, untouched: frozenset[str] = frozenset()) -> float:
-    """Return a reading, NaN where nothing touches; `ValueError` where it is neither."""
+def field_value(text: str, decimal: str, untouched: frozenset[str] = frozenset(), zero: float = 0.0) -> float:
+    """Return a reading above `zero`, NaN where nothing touches; `ValueError` where it is neither."""
     if says_nothing(text) or text in untouched:
         return float("nan")
     value = number_of(text, decimal)
     if value is None or not np.isfinite(value):
         raise ValueError(text)
+    value -= zero
     below = max((float(u[1:]) for u in untouched if re.fullmatch(r"<\d+(\.\d+)?", u)), default=-np.inf)
     return float("nan") if f"{value:g}" in untouched or value < below else value
 
@@ -58,7 +60,7 @@ def scans(table: Table, mapping: ColumnMapping, dropped: list[int] | None = None
     lack = [
         n
         for n in (*mapping.columns, mapping.time, mapping.scan, mapping.strip, mapping.which)
-        if n and n not in table.names
+        if n and n not in table.places
     ]
     if lack:
         raise ReadingError(
@@ -185,7 +187,7 @@ def _in_order(
         return table, times
     order = [n for _, _, n in sorted((times[n], place, n) for place, run in enumerate(runs) for n in run)]
     rows, lines = [table.rows[n] for n in order], [table.lines[n] for n in order]
-    return Table(table.names, rows, lines, table.decimal, broken=table.broken), times[order]
+    return replace(table, rows=rows, lines=lines), times[order]
 
 
 def _scans(
@@ -201,6 +203,7 @@ def _scans(
     columns = _targets(table, mapping)
     number = table.column(mapping.scan) if mapping.scan else None
     shape = (mapping.strips, len(channels))
+    bits = bits_by_line(table) if mapping.adc_bits_of_lines else []
     scan: LogScan | None = None
     seen: dict[tuple[int, int], int] = {}
     count, last, ended = -1, 0, 0
@@ -243,16 +246,22 @@ def _scans(
         for name, place, strip, end in targets:
             text = table.rows[n][place]
             try:
-                scan.values[strip, end] = field_value(text, table.decimal, untouched)
+                scan.values[strip, end] = field_value(text, table.decimal, untouched, mapping.zero)
             except ValueError:
                 raise ReadingError(
                     f"line {line}: {name} is {text!r}, not a number; if it stands for no contact, "
                     f"--answer untouched={text}"
                 ) from None
+            if bits:
+                scan.values[strip, end] *= _full(max(bits)) / _full(bits[n])
             seen[strip, end] = line
         last = n
     if scan is not None:
         yield from closed(scan, np.inf)
+
+
+def _full(bits: int) -> float:
+    return 2.0**bits - 1.0
 
 
 def _targets(table: Table, mapping: ColumnMapping) -> list[tuple[str, int, int, int]]:
@@ -263,7 +272,7 @@ def _targets(table: Table, mapping: ColumnMapping) -> list[tuple[str, int, int, 
         number, _, channel = what.rpartition(":")
         strip = 0 if mapping.strip else int(number or first) - first
         end = 0 if mapping.which else channels.index(channel)
-        targets.append((name, table.names.index(name), strip, end))
+        targets.append((name, table.places[name], strip, end))
         if not 0 <= strip < mapping.strips:
             last = first + mapping.strips - 1
             raise ReadingError(

@@ -245,11 +245,11 @@ def _upright(table: Table) -> Table:
     word, _, unit = next(iter(scans.values())).groups()
     if any(m[1] != word or m[3] != unit or (unit and unit not in TIME_UNITS) for m in scans.values()):
         return table
-    places = [table.names.index(n) for n in others]
+    places = [table.places[n] for n in others]
     names = (f"{word} [{unit}]" if unit else word, *others, "value")
     rows, lines = [], []
     for name, found in scans.items():
-        place = table.names.index(name)
+        place = table.places[name]
         for line, row in zip(table.lines, table.rows, strict=True):
             rows.append([found[2].replace(".", table.decimal), *(row[p] for p in places), row[place]])
             lines.append(line)
@@ -261,12 +261,11 @@ def _split_keys(table: Table) -> Table:
     """Split a column of names such as "3H", "vh[3]" or "S01 high" into strip and channel."""
     for name in table.names:
         fields = table.column(name)
-        if meaning(name).role == "time":
+        if meaning(name).role == "time" or any(number_of(f) is not None for f in {*fields}):
             continue
         kinds = meanings(sorted(set(fields)))
         if len(kinds) < 2 or any(
-            m.role != "reading" or m.strip is None or not m.channel or number_of(f) is not None
-            for f, m in kinds.items()
+            m.role != "reading" or m.strip is None or not m.channel for m in kinds.values()
         ):
             continue
         if len({(m.strip, m.channel) for m in kinds.values()}) < len(kinds):

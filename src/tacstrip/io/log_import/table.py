@@ -7,6 +7,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -76,6 +77,8 @@ class Table:
         Why the log is none with its stray lines.
     doubts
         What of it may be meant otherwise than it is read.
+    resolutions
+        What lines that are no rows say of the codes' resolution: line, bits, what it says.
     varied
         Whether records name other strips from one to the next, as where they name only touched ones.
     """
@@ -95,11 +98,17 @@ class Table:
     refused: ReadingError | None = None
     doubts: tuple[str, ...] = ()
     varied: bool = False
+    resolutions: tuple[tuple[int, int, str], ...] = ()
 
     def column(self, name: str) -> list[str]:
         """Return the fields of a column."""
-        place = self.names.index(name)
+        place = self.places[name]
         return [row[place] for row in self.rows]
+
+    @cached_property
+    def places(self) -> dict[str, int]:
+        """Where each column stands in a row."""
+        return {name: place for place, name in enumerate(self.names)}
 
     def where(self, conditions: Sequence[str]) -> Table:
         """Return only the rows in which columns are as such conditions as "pad=left" say; `ReadingError`: none is."""
@@ -311,12 +320,12 @@ def headed(
         raise ReadingError("the log has no line of readings" + (", only names" if above else ""))
     names = _names(above, width)
     columns = list(zip(*(row for _, row in rows), strict=True))
+    first_at: dict[tuple[str, tuple[str, ...]], int] = {}
+    for n, key in enumerate(zip(names, columns, strict=True)):
+        first_at.setdefault(key, n)
     again_at = {
-        n
-        for n in range(width)
-        if columns[n] in [c for c, x in zip(columns[:n], names, strict=False) if x == names[n]]
+        n for n, key in enumerate(zip(names, columns, strict=True)) if first_at[key] < n and any(columns[n])
     }
-    again_at = {n for n in again_at if any(columns[n])}
     if again_at:
         names = [x for n, x in enumerate(names) if n not in again_at]
         rows = [(i, [c for n, c in enumerate(row) if n not in again_at]) for i, row in rows]

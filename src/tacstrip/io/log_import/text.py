@@ -14,7 +14,15 @@ from pathlib import Path
 import numpy as np
 
 from tacstrip.errors import ReadingError
-from tacstrip.io.log_import.delimiters import of_groups, of_sent, of_slashes, without_ends, without_tag
+from tacstrip.io.log_import.conversion import resolutions
+from tacstrip.io.log_import.delimiters import (
+    of_groups,
+    of_sent,
+    of_slashes,
+    without_ends,
+    without_prefix,
+    without_tag,
+)
 from tacstrip.io.log_import.dialects import of_dialect, of_displayed_scans, plain_rows
 from tacstrip.io.log_import.fields import STAMP, clock_seconds, is_value, number_of, says_nothing
 from tacstrip.io.log_import.literals import one_page, unwrapped
@@ -80,6 +88,8 @@ _MOST_BYTES = 2**30
 _FEW_LINES = 4  # of fewer, the length of the last number tells nothing
 _FEW_BLOCKS = 2
 _WORDED = re.compile(r"[^\dA-Za-z]*[A-Za-z][^\t;|]*(?<!,)\Z")  # and without fields
+_THOUSANDS = re.compile(r"(?<=\d)[\u2009\u202f\xa0](?=\d{3}(?!\d))")
+_BOUND = re.compile(r"(\d)\s?(?:\u00b1|\+/-)\s?\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?(?!\d|\s?(?:\u00b1|\+/-))")
 _COLOUR = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")  # of a terminal
 _FEW_GARBLED, _GARBLED_LINES = 3, 0.05  # places with zeros, and part of the lines: of more, a file is no text
 _CHANNEL_LINE = re.compile(
@@ -116,17 +126,23 @@ def _in_utf16(raw: bytes, file: Path, name: str) -> str:
 
 def of_text(text: str, path: str | Path = "the log") -> Table:
     """Return a text as a table in normal form; errors as of `read_table`."""
-    return with_retries(text, lambda strays: _of_lines(text, path, strays))
+    return with_retries(text, lambda strays: _with_resolutions(_of_lines(text, path, strays), text))
+
+
+def _with_resolutions(table: Table, text: str) -> Table:
+    return replace(table, resolutions=resolutions(text, frozenset(table.lines)))
 
 
 def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     """Return a text as a table in normal form, as if some of its lines were not there."""
+    text, bounds = _BOUND.subn(r"\1", _THOUSANDS.sub("", text))
     text, messages = without_messages(
         _COLOUR.sub("", plain_rows(of_displayed_scans(without(text, strays)).translate(_HALF_WIDTH)))
     )
     text, others = without_other_series(text)
-    messages = "; ".join(filter(None, [messages, others]))
-    text = _of_two_lines(of_sent(text))
+    bounded = "what stands behind \u00b1: no readings, passed over" if bounds > 1 else ""
+    messages = "; ".join(filter(None, [messages, others, bounded]))
+    text = _of_two_lines(of_sent(without_prefix(text)))
     if (table := of_literals(text, path) or of_dialect(text, str(path))) is not None:
         return in_normal_form(replace(table, remarks=(*filter(None, [messages]), *table.remarks)))
     # The empty lines in between tell where blocks begin.

@@ -45,7 +45,7 @@ def as_readings(
     scans: Sequence[LogScan], mapping: ColumnMapping, vref_volt: float, strip_base: int
 ) -> tuple[list[str], Iterator[list[str]]]:
     """Return the header and the lines of a readings file; parameters as of `write_log`."""
-    codes = mapping.unit == "code" and not mapping.adc_bits
+    codes = mapping.unit == "code" and not mapping.adc_bits and mapping.scale == 1.0
     scale = 1.0 if codes else in_volts(mapping, vref_volt)
     return [*INDEX, *(_COLUMNS[c][codes] for c in mapping.channels)], rows(scans, strip_base, scale)
 
@@ -53,10 +53,12 @@ def as_readings(
 def in_volts(mapping: ColumnMapping, vref_volt: float, adc_bits: int | None = None) -> float:
     """Return the volts of one unit of the log's readings; of another Vref than the spec's, so that ratios hold."""
     if mapping.unit == "code":
-        return vref_volt / (2.0 ** (mapping.adc_bits or adc_bits or 1) - 1.0)
-    if mapping.unit in OF_VREF:
-        return vref_volt * OF_VREF[mapping.unit]
-    return IN_VOLTS[mapping.unit] * (vref_volt / mapping.vref_volt if mapping.vref_volt else 1.0)
+        volts = vref_volt / (2.0 ** (mapping.adc_bits or adc_bits or 1) - 1.0)
+    elif mapping.unit in OF_VREF:
+        volts = vref_volt * OF_VREF[mapping.unit]
+    else:
+        volts = IN_VOLTS[mapping.unit] * (vref_volt / mapping.vref_volt if mapping.vref_volt else 1.0)
+    return mapping.scale * volts
 
 
 def at_rest(scans: Sequence[LogScan], mapping: ColumnMapping, sensor: Sensor | None) -> list[LogScan]:

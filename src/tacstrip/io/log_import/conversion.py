@@ -1,0 +1,210 @@
+"""What the lines around a log's readings say of how these become volts: a factor, signs, full scale, resolution."""
+
+from __future__ import annotations
+
+import bisect
+import math
+import re
+from collections.abc import Collection
+
+from tacstrip.io.log_import.questions import Clues
+from tacstrip.io.log_import.table import Table
+
+CODINGS = ("unsigned", "signed", "offset")
+_SCALED = re.compile(
+    r"\b(?:multipl(?:y|ied|ier|ies|ying)|divided?|dividers?|gains?|amplif\w+|scaled? (?:by|with)"
+    r"|scal(?:e|ing) factor)\b",
+    re.IGNORECASE,
+)
+_OVER_VREF = re.compile(r"\bdivided? by v_?ref", re.IGNORECASE)
+_NUMBER = r"\d+(?:\.\d+)?"
+_ALONE = re.compile(rf"(?<![\w.])(?:[x\u00d7] ?)?({_NUMBER})(?![\w.]*\d)")
+_RATIO = re.compile(rf"(?<![\w.])({_NUMBER}) ?[:/] ?({_NUMBER})(?![\w.])")
+_LONGEST = 100  # characters of a line that are quoted
+_RESOLUTION = re.compile(r"analogReadResolution\((\d+)\)|\b(\d{1,2})[\s_-]?bits?\b", re.IGNORECASE)
+_OF_TIME = re.compile(r"time|clock|count(?:er|ing)|tick|baud|float", re.IGNORECASE)
+_POSSIBLE = range(6, 25)  # bits of converters
+_SIGNED = re.compile(r"\b(?:two|2)'?s?[ -]complement|(?<!un)(?<!non-)\bsigned\b|\bbipolar\b", re.IGNORECASE)
+_OFFSET = re.compile(r"\boffset[ -]?binary\b|\bmid-?scale\b", re.IGNORECASE)
+_CODE = r"(?<![\w.])(0x[\dA-Fa-f]+|\d{3,8})(?![\w.])"
+_IS = r"\s*(?:counts?|codes?|lsbs?)?\s*(?:=+>?|\bis\b|\u2259|->|\bmeans\b|\bfor\b|\bcorresponds to\b)\s*"
+_CODE_IS = re.compile(
+    rf"{_CODE}{_IS}(?:(v_?ref\b|full[ -]?scale\b)|[+]?({_NUMBER})\s*(m?)V\b)", re.IGNORECASE
+)
+_FULL_IS = re.compile(rf"\bfull[ -]?scale(?: code)?\s*(?:=|is|:)?\s*{_CODE}(?!\s*m?V\b)", re.IGNORECASE)
+_STEP = re.compile(
+    rf"({_NUMBER})\s*([mu\u00b5]?)V\s*(?:/|per)\s*(?:bit|lsb|count|code|digit)s?\b"
+    rf"|\blsb(?: size)?\s*(?:=|:|is)\s*({_NUMBER})\s*([mu\u00b5]?)V\b",
+    re.IGNORECASE,
+)
+_PREFIXES = {"": 1.0, "m": 1e-3, "u": 1e-6, "\u00b5": 1e-6}
+_NEAR = 0.02  # relative
+
+
+def factor(clues: Clues) -> float:
+    """Return by what readings are to be multiplied; asked where a line speaks of a divider, a gain or a factor."""
+    answer = clues.number("scale")
+    if answer is not None:
+        return answer or 1.0
+    for line in clues.table.preamble:
+        text = _bare(line)
+        if not _SCALED.search(text) or _OVER_VREF.search(text):
+            continue
+        ratios = [float(a) / float(b) for a, b in _RATIO.findall(text) if float(a) and float(b)]
+        numbers = [float(n) for n in _ALONE.findall(_RATIO.sub(" ", text)) if float(n)]
+        if (ratios or numbers) and {*ratios, *numbers} == {1.0}:
+            continue
+        likely = [max(r, 1.0 / r) for r in ratios] or numbers
+        if re.search(r"\bgain|\bamplif", text, re.IGNORECASE):
+            likely = [1.0 / n for n in likely]
+        shown = [f"{n:.6g}" for n in dict.fromkeys(likely) if n != 1.0][:2] or ["2"]
+        clues.ask(
+            "scale",
+            f"the log says {text!r}: by what must its readings be multiplied (1: they stand as they are)?",
+            "1", *shown,
+        )  # fmt: skip
+    return 1.0
+
+
+def coding(clues: Clues, bits: int) -> str:
+    """Return how codes of so many bits (0: not known) are to be taken, or "" where that must be asked.
+
+    "unsigned" is from 0 to Vref, "signed" from -Vref to Vref about 0, "offset" so about half of full scale.
+    """
+    if answer := clues.choice("coding", CODINGS):
+        return answer
+    text = "\n".join((*clues.table.preamble, *clues.table.names))
+    zero, full = told_codes(clues.table)
+    half = 2.0 ** (bits - 1) if bits else math.nan
+    if zero == half:
+        clues.because(f"offset binary: code {zero:g} is 0 V, as the log says")
+        return "offset"
+    signed, offset = bool(_SIGNED.search(text)), bool(_OFFSET.search(text))
+    if signed and not offset and full and full in (half, half - 1.0):
+        clues.because(f"signed codes: {full:.9g} is full scale, as the log says")
+        return "signed"
+    return "" if signed or offset else "unsigned"
+
+
+def ask_for_coding(clues: Clues) -> None:
+    """Ask how codes are to be taken, with the line that leaves it open."""
+    said = next(
+        (
+            line
+            for line in (*clues.table.preamble, *clues.table.names)
+            if _SIGNED.search(line) or _OFFSET.search(line)
+        ),
+        "",
+    )
+    clues.ask(
+        "coding",
+        f"the log says {_bare(said)!r}: do codes run from 0 to Vref (unsigned), from -Vref to Vref "
+        "about 0 (signed), or so about half of full scale (offset)?",
+        *(CODINGS[:0:-1] if _OFFSET.search(said) else CODINGS[1:]), CODINGS[0],
+    )  # fmt: skip
+
+
+def _bare(line: str) -> str:
+    return " ".join(line.split()).lstrip("#%/! ")[:_LONGEST]
+
+
+def told_codes(table: Table) -> tuple[float | None, float | None]:
+    """Return the codes that the lines above say to be 0 V and to be Vref, or full scale; None where they do not.
+
+    Examples
+    --------
+    >>> told_codes(Table((), [], [], preamble=("0x8000 = 0 V", "0xFFFF = Vref")))
+    (32768.0, 65535.0)
+    """
+    text = "\n".join(table.preamble)
+    zero, full = None, None
+    for code, top, volts, _ in _CODE_IS.findall(text):
+        if top:
+            full = float(int(code, 0))
+        elif volts and not float(volts):
+            zero = float(int(code, 0))
+    for code in _FULL_IS.findall(text):
+        full = float(int(code, 0))
+    return zero, full
+
+
+def volts_of_codes(table: Table) -> dict[float, float]:
+    """Return code -> volts, as the lines above the table say it, but for 0 V.
+
+    Examples
+    --------
+    >>> volts_of_codes(Table((), [], [], preamble=("# 1023 = 3.3 V",)))
+    {1023.0: 3.3}
+    """
+    found = _CODE_IS.findall("\n".join(table.preamble))
+    return {
+        float(int(code, 0)): float(volts) * (1e-3 if milli else 1.0)
+        for code, _, volts, milli in found
+        if volts and float(volts)
+    }
+
+
+def ask_for_step(clues: Clues, bits: int, vref: float) -> None:
+    """Ask by what codes are to be multiplied, where the log says volts of a code that are not those of the spec."""
+    if "scale" in clues.answers or not (bits and vref):
+        return
+    own = vref / (2.0**bits - 1.0)
+    for text, step in _steps_told(clues.table):
+        if abs(step - own) > _NEAR * own:
+            clues.ask(
+                "scale",
+                f"the log says {text!r}, so that a code is {step:.4g} V, and by the spec it is {own:.4g} V: by what "
+                "must readings be multiplied (1: as the spec says)?",
+                f"{step / own:.6g}", "1",
+            )  # fmt: skip
+
+
+def _steps_told(table: Table) -> list[tuple[str, float]]:
+    """Return what a log says of the volts of one code, or of some, and those of one."""
+    text = "\n".join((*table.preamble, *table.names))
+    found = [
+        (m.group(), float(m[1] or m[3]) * _PREFIXES[(m[2] or m[4] or "").casefold()])
+        for m in _STEP.finditer(text)
+    ]
+    return [(said, volts) for said, volts in found if volts] + [
+        (f"{code:.9g} is {volts:g} V", volts / code) for code, volts in volts_of_codes(table).items()
+    ]
+
+
+def bits_told(table: Table, vref: float) -> set[int]:
+    """Return the bits of converters that a log names, or of which a code that it names is full scale."""
+    _, full = told_codes(table)
+    codes = [full] if full else []
+    codes += [c for c, volts in volts_of_codes(table).items() if vref and abs(volts - vref) < _NEAR * vref]
+    powers = {math.log2(c + more) for c in codes for more in (0.0, 1.0)}
+    told = {int(p) for p in powers if p == int(p)}
+    return {b for b in told | {bits for _, bits, _ in table.resolutions} if b in _POSSIBLE}
+
+
+def resolutions(text: str, rows: Collection[int]) -> tuple[tuple[int, int, str], ...]:
+    r"""Return what lines of a text that are no rows say of the codes' resolution: line, bits, what it says.
+
+    Examples
+    --------
+    >>> resolutions("# 12 bit\n0,5,6\n", {2}), resolutions("# 16 bit timer\n", ())
+    (((1, 12, '12 bit'),), ())
+    """
+    found = []
+    number, at = 1, 0
+    for m in _RESOLUTION.finditer(text):
+        number, at = number + text.count("\n", at, m.start()), m.start()
+        line = text[text.rfind("\n", 0, at) + 1 : (text.find("\n", at) + 1 or len(text) + 1) - 1]
+        if number not in rows and (m[1] or not _OF_TIME.search(line)):
+            found.append((number, int(m[1] or m[2]), _bare(line)))
+    return tuple(found)
+
+
+def bits_by_line(table: Table) -> list[int]:
+    """Return the bits of each row's codes: what the last line above it says, or the first of all."""
+    said = [line for line, _, _ in table.resolutions]
+    return [table.resolutions[max(bisect.bisect_left(said, line) - 1, 0)][1] for line in table.lines if said]
+
+
+def changes_below(table: Table) -> bool:
+    """Return whether rows stand between lines that say another resolution each."""
+    return len({*bits_by_line(table)}) > 1
