@@ -16,6 +16,7 @@ from typing import Any
 import pytest
 
 import tacstrip as ts
+from tacstrip.core.binding import exported
 from tacstrip.stream.live.pipeline import Live
 from tacstrip.view.access import Access
 from tacstrip.view.controller import Controller
@@ -274,6 +275,7 @@ def test_two_layers_and_their_objects_are_drawn(open_page: Callable[..., Any], t
     _picture(page, "live_two_layers", tmp_path)
 
 
+@pytest.mark.skipif(exported("rigid_descend") is None, reason="NumPy takes minutes to find the shape")
 def test_the_shape_from_all_scans_is_drawn_beside_the_single_one(
     open_page: Callable[..., Any], server: Server, tmp_path: Path
 ) -> None:
