@@ -283,13 +283,12 @@ def test_two_layers_and_their_objects_are_drawn(open_page: Callable[..., Any], t
 
 
 @pytest.mark.skipif(exported("rigid_descend") is None, reason="NumPy takes minutes to find the shape")
+@pytest.mark.parametrize("server", [(SENSOR, 50.0, OBJECTS)], indirect=True, ids=[""])
 def test_the_shape_from_all_scans_is_drawn_beside_the_single_one(
     open_page: Callable[..., Any], server: Server, tmp_path: Path
 ) -> None:
+    """At a rate that leaves the processor to the search."""
     page = open_page(viewport={"width": 1000, "height": 900})
-    page.locator("#hz").fill("200")
-    page.locator("#hz").press("Enter")
-    page.locator("#hz").blur()
     simulator, turned = server.controller.simulator, 0.0
     known: dict[str, Any] = {}
     assert simulator is not None
