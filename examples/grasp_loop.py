@@ -59,7 +59,7 @@ async def main(port: str | None = None) -> str:
             size = 0.7 + 0.1 * math.sqrt(gripper.force_n)
             return ts.Contact.polygon((50.0, 50.0) + size * SHAPE.vertices)
 
-        stream = ts.live(source=ts.SimulatedSource(SENSOR, contact, 200.0, 1000, ahead=1), tracks=False)
+        stream = ts.live(source=ts.SimulatedSource(SENSOR, contact, 200.0, ahead=1), tracks=False)
     async with stream:
         return await grasp(stream, gripper)
 

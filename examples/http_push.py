@@ -16,7 +16,7 @@ from tacstrip.stream import Drag
 
 SENSOR = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=5.0, length_mm=100.0, adc_bits=12)
 SHAPE = ts.Contact.polygon([(-16, -12), (18, -14), (12, 15), (-14, 12)])
-EVERY_S = 0.1
+EVERY_S, GIVE_UP_S = 0.1, 2.0
 
 
 def message(frame: ts.Frame) -> dict[str, Any]:
@@ -31,7 +31,7 @@ def message(frame: ts.Frame) -> dict[str, Any]:
 
 async def push(stream: ts.Live, url: str) -> int:
     """Post the newest frames until the stream ends; return how many the service took."""
-    taken, timeout = 0, aiohttp.ClientTimeout(total=2.0)
+    taken, timeout = 0, aiohttp.ClientTimeout(total=GIVE_UP_S)
     async with aiohttp.ClientSession(timeout=timeout) as session:
         async for frame in stream:
             try:

@@ -35,6 +35,17 @@ LONGEST = (
 )
 
 
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Say why the tests are slow where nothing is compiled."""
+    # Late, for linear algebra counts its threads as it loads.
+    from tacstrip.core.library import description, library
+
+    if library() is None and not hasattr(session.config, "workerinput"):
+        session.config.get_terminal_writer().line(
+            f"core: {description()}. The tests take several times as long; what would take minutes is skipped."
+        )
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     at = {str(Path(__file__).parent / name): place for place, name in enumerate(LONGEST)}
     items.sort(key=lambda item: at.get(str(item.path), len(LONGEST)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from tacstrip.core.binding import exported
@@ -12,6 +13,9 @@ Polygon = NDArray[np.float64]
 DRAWN = exported("sample_outlines") is not None
 SURE, WHY = (
     ("ok", "") if DRAWN else ("likely", "how sure this is was not assessed: the compiled core is missing")
+)
+many_fits = pytest.mark.skipif(
+    not DRAWN, reason="so many fits take NumPy minutes; tests/core holds it to the same results"
 )
 
 

@@ -10,6 +10,7 @@ from scipy.ndimage import gaussian_filter1d
 
 import tacstrip as ts
 from noise_generator import Rubber
+from polygons import many_fits
 from tacstrip.diagnose import LearnedNoise, Log, learn_noise
 from tacstrip.diagnose.allan import allan_deviation, processes, variogram
 from tacstrip.errors import ReadingError
@@ -65,6 +66,7 @@ def test_strays_and_hum_are_counted_and_do_not_pass_for_noise() -> None:
     assert found.white == pytest.approx(0.003, rel=0.1)
 
 
+@many_fits
 def test_soft_edges_are_told_by_the_strips() -> None:
     found = [learned(Rubber(white=0.002, edge_mm=0.5), seed, period_s=1.0).noise for seed in range(8)]
     assert np.sqrt(np.mean([n.edge_mm**2 for n in found])) == pytest.approx(0.5, rel=0.4)
@@ -73,6 +75,7 @@ def test_soft_edges_are_told_by_the_strips() -> None:
     assert max(none) < 0.15
 
 
+@many_fits
 def test_regions_with_the_noise_learned_hold_for_single_scans_and_for_means() -> None:
     """The fast version of studies/noise.py."""
     inside: dict[int, list[bool]] = {1: [], 16: [], 64: []}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from polygons import many_fits
 from tacstrip.contact.noise import Noise
 from tacstrip.contact.shape import Contact
 from tacstrip.geometry.metrics import mismatch
@@ -17,6 +18,7 @@ FEW = Sensor(construction="crs-crs", strips=24, pitch_mm=4.0, length_mm=120.0)
 TRIANGLE = Contact.polygon([(20, 30), (70, 40), (45, 90)])
 
 
+@many_fits
 @pytest.mark.parametrize("half_width", [0.0002, 0.002])
 @pytest.mark.parametrize("known", [True, False])
 def test_a_sharp_corner_is_no_stuck_channel_and_no_curve(half_width: float, known: bool) -> None:

@@ -7,13 +7,15 @@ from typing import Literal, TypeAlias
 import numpy as np
 import pytest
 
-from polygons import convex_polygon, from_left
+from polygons import convex_polygon, from_left, many_fits
 from tacstrip.contact.noise import Noise
 from tacstrip.contact.shape import Contact
 from tacstrip.reconstruction.polygon.estimate import fit_polygon
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
 from tacstrip.simulation import simulate
+
+pytestmark = many_fits
 
 Kind: TypeAlias = Literal["uniform", "normal"]
 

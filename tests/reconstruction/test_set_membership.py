@@ -323,6 +323,24 @@ def test_linear_programs_agree_with_scipy(seed: int, least: Callable[..., float]
         assert np.all(a @ at <= b + 1e-6)
 
 
+@pytest.mark.parametrize("least", [lowest, plain_lowest])
+@pytest.mark.parametrize("seed", range(10))
+def test_a_form_that_the_met_rows_all_but_carry(seed: int, least: Callable[..., float]) -> None:
+    """What they leave of it is as short as its rounding, and more rows than they pass through the edge they meet in."""
+    random = np.random.default_rng(seed)
+    a, b = a_polytope(seed, 8, 120)
+    b = np.linalg.norm(a, axis=1) * random.uniform(0.5, 1.0, len(b))
+    at, active = np.zeros(8), np.full(8, -1)
+    least(random.standard_normal(8), a, b, at, active)
+    met = active[active >= 0][:4]
+    mixed = random.uniform(0.1, 1.0, (40, 4))
+    a, b = np.vstack([a[met], mixed @ a[met], a]), np.concatenate([b[met], mixed @ b[met], b])
+    for rest in (1.5e-9, 3e-9, 1e-8):
+        form = -a[:4].sum(axis=0) / np.abs(a[:4].sum(axis=0)).max() + rest * random.standard_normal(8)
+        value = least(form, a, b, np.zeros(8), np.full(8, -1))
+        assert value == pytest.approx(linprog(form, A_ub=a, b_ub=b, bounds=(None, None)).fun, rel=1e-6)
+
+
 def test_a_form_without_a_least_value() -> None:
     a = np.array([[1.0, 0.0], [0.0, 1.0]])
     for least in (lowest, plain_lowest):

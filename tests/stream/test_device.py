@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import tacstrip as ts
-from live_devices import SENSOR, Line, LinkedPty, Noise, device, with_strips
+from live_devices import SENSOR, Line, LinkedPty, Noise, Stepped, device, with_strips
 from one_clock import Clock
 from tacstrip.stream.codes import decode
 from tacstrip.stream.device.port import SerialPort
@@ -77,7 +77,7 @@ def test_a_virtual_device_sends_what_is_due_and_leaves_out_what_is_far_too_late(
 
 def test_scans_have_the_time_of_every_strip_and_codes_that_decode() -> None:
     begun_s = time.time()
-    source = ts.SerialSource(lambda: Loopback(device(rate_hz=500.0)), SENSOR)
+    source = ts.SerialSource(lambda: Stepped(500.0), SENSOR)
     stream = iter(source)
     scans = [next(stream)]
     arrived_s = time.time()
@@ -95,15 +95,15 @@ def test_scans_have_the_time_of_every_strip_and_codes_that_decode() -> None:
 
 
 def test_rate_and_stop_reach_the_device() -> None:
-    made = device(rate_hz=100.0)
-    source = ts.SerialSource(lambda: Loopback(made), SENSOR, rate_hz=400.0)
+    line = Stepped(100.0)
+    source = ts.SerialSource(lambda: line, SENSOR, rate_hz=400.0)
     scans = iter(source)
     times = [next(scans).time_s for _ in range(5)]
     np.testing.assert_allclose(np.diff(times), 0.0025, atol=1e-6)
-    assert made.hello.streaming
+    assert line.device.hello.streaming
     source.close()
     assert list(scans) is not None
-    assert not made.hello.streaming
+    assert not line.device.hello.streaming
 
 
 def test_without_a_spec_the_shipped_one_is_taken() -> None:

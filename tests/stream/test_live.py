@@ -48,12 +48,12 @@ def test_a_bounded_queue_drops_the_oldest_or_waits() -> None:
     kept: BoundedQueue[int] = BoundedQueue(2, keep=True)
     thread = threading.Thread(target=lambda: [kept.put(i) for i in range(50)])
     thread.start()
-    assert [kept.get(5.0) for _ in range(50)] == list(range(50))
+    assert [kept.get(HANG_S) for _ in range(50)] == list(range(50))
     thread.join()
     assert kept.dropped == 0
     kept.close()
     assert not kept.put(1)
-    assert kept.get(5.0) is None
+    assert kept.get(HANG_S) is None
 
 
 def _live(rate_hz: float = 500.0, **options: object) -> Live:

@@ -8,6 +8,10 @@ import numpy as np
 import pytest
 
 from studies.mutations import COMMANDS, Outcome, make_inputs, mutate, outcomes, run, table
+from tacstrip.core.binding import exported
+
+# Without the compiled core a track takes minutes.
+VERBS = tuple({words[0] for words in COMMANDS} - ({"track"} if exported("rigid_descend") is None else set()))
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +26,7 @@ def _wrong(found: list[Outcome]) -> list[Outcome]:
 
 
 def test_a_few_mutated_inputs_to_every_verb(folder: Path) -> None:
-    found = list(outcomes(folder, 6, 20261122))
+    found = list(outcomes(folder, 6, 20261122, VERBS))
     assert not _wrong(found), table(found)
     assert {one.code for one in found} == {0, 1, 2}
 

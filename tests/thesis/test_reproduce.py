@@ -13,6 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
+from polygons import many_fits
 from tacstrip.data.published import METRICS, experiments, rows
 from tacstrip.plot.theme import save, themed
 from tacstrip.thesis.chapter5.claims import judge_claims
@@ -117,6 +118,7 @@ def test_report_shows_every_figure_and_table(made: tuple[Path, dict[str, Any]]) 
     assert "not readable" in page  # table 5.5's lost column is said, not invented
 
 
+@many_fits
 def test_claims_are_judged_on_our_tables(made: Made, surer: Any) -> None:
     claims = judge_claims(surer[0])
     assert len(made[1]["claims"]) == len(claims) + len(judge_chapter6(surer[1]))
@@ -132,6 +134,7 @@ def _by_claim(ours: list[dict[str, Any]]) -> dict[str, dict[str, str]]:
     return {c["claim"]: c for c in judge_chapter6(ours)}
 
 
+@many_fits
 def test_claims_are_judged_and_can_be_refuted(surer: Any) -> None:
     ours = surer[1]
     judged = _by_claim(ours)

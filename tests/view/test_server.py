@@ -17,6 +17,7 @@ import pytest
 
 import tacstrip as ts
 from live_devices import SENSOR
+from tacstrip.interrupt import worker_processes
 from tacstrip.stream import RawScan
 from tacstrip.stream.live.bounded_queue import BoundedQueue
 from tacstrip.stream.live.pipeline import Live
@@ -24,7 +25,6 @@ from tacstrip.tracking import Tracker
 from tacstrip.view.access import Access
 from tacstrip.view.controller import Controller
 from tacstrip.view.frame_json import frame_json
-from tacstrip.view.health import background_process
 from tacstrip.view.server import PAGE, Server
 from tacstrip.view.simulator import Settings, Simulator, sensor_of
 from waiting import HANG_S, wait_until
@@ -44,7 +44,8 @@ def live(simulator: Simulator) -> Iterator[Live]:
 
 @pytest.fixture
 def controller(live: Live, simulator: Simulator, tmp_path: Path) -> Iterator[Controller]:
-    with background_process() as executor:
+    # As `background_process`, but not of low priority: on a busy computer its turn may never come.
+    with worker_processes(1, start_method="spawn") as executor:
         yield Controller(live, executor, simulator, tmp_path)
 
 

@@ -108,9 +108,12 @@ double tacstrip_lowest(const double *form, const double *a, const double *slack,
     orthonormal(a, rows, active, known, met, size, basis, root);
     known = met;
     for (Int p = 0; p < size; p++) direction[p] = -form[p];
-    for (Int q = 0; q < met; q++) {
-      multiplier[q] = dot(basis + q * size, direction, size);
-      for (Int p = 0; p < size; p++) direction[p] -= multiplier[q] * basis[q * size + p];
+    for (Int q = 0; q < met; q++) multiplier[q] = 0.0;
+    /* Twice: a short rest leans on the met rows by the rounding of the whole form, and one that they carry is met anew. */
+    for (int twice = 0; twice < 2; twice++) for (Int q = 0; q < met; q++) {
+      double by = dot(basis + q * size, direction, size);
+      multiplier[q] += by;
+      for (Int p = 0; p < size; p++) direction[p] -= by * basis[q * size + p];
     }
     double length = 0.0;
     for (Int p = 0; p < size; p++) length = larger(length, magnitude(direction[p]));

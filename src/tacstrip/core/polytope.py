@@ -53,6 +53,9 @@ def plain_lowest(
         basis, root = np.linalg.qr(a[met].T)
         shares = -(basis.T @ form)
         direction = -form - basis @ shares
+        # Twice: a short rest leans on the met rows by the rounding of the whole form; one that they carry is met anew.
+        more = basis.T @ direction
+        shares, direction = shares + more, direction - basis @ more
         length = np.abs(direction).max()
         if len(met) == size or length <= _ROUNDING * scale:
             multiplier = np.linalg.solve(root, shares)

@@ -21,6 +21,7 @@ from typing import Self
 
 from tacstrip.arguments import takes
 from tacstrip.contact.noise import Noise
+from tacstrip.core.binding import exported
 from tacstrip.errors import OptionError, TacstripError, in_words
 from tacstrip.reconstruction.methods import chosen_method
 from tacstrip.scan import Scan
@@ -64,8 +65,8 @@ class Live:
     creep
         Whether to take the creep of contacts that are held still out of their readings.
     tracks
-        Whether to fuse the scans of each object into one rigid outline, where the construction has a closed form and
-        the sensor one layer.
+        Whether to fuse the scans of each object into one rigid outline, where the construction has a closed form, the
+        sensor one layer, and the core is compiled.
     searches
         Runs the searches of a sensor of two layers, which take a second and more each: best a process, as
         `concurrent.futures` has them. None: a thread.
@@ -152,6 +153,8 @@ class Live:
         sensor = source.sensor
         fuses = self._wants_tracks and isinstance(sensor, Sensor) and sensor.kind.closed_form
         fuses = fuses and (sensor.surface is None or sensor.surface.isometric)
+        # In NumPy a search takes minutes: the stream would fall behind meanwhile, and could not end before it.
+        fuses = fuses and exported("rigid_descend") is not None
         self._tracks = LiveTracks(source.sensor, self.noise, executor=self._fusing) if fuses else None
 
     def _new_tracker(self, method: str | None) -> Tracker | LayeredTracker:
