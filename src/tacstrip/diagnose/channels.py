@@ -28,6 +28,7 @@ _BELOW = 0.05  # over Vref, of a contact above a cut
 _STRAYS = 2  # places
 _ALIKE = 0.7  # correlation of a strip's neighbours that are under one object
 _FEW, _SOME = 3, 8  # places
+_FAR_FROM_REST = 2.5  # times what counts as touched
 _ONE_CONTACT = 0.2  # over Vref: strips under one contact do not differ by more
 
 
@@ -58,12 +59,13 @@ def on_rails(work: WorkingCopy) -> Iterator[Suspect]:
         known = np.isfinite(r[:, :, strip]).any(axis=0).sum()
         gain = float(np.nansum(np.abs(r[:, :, strip])) / max(known, 1))
         channels = dict(zip(names, single[:, :, strip], strict=True))
+        levels = {name: e[i, single[i, :, strip], strip] for i, name in enumerate(names)}
         of = inside[:, :, strip].sum(axis=1)
         yield from _open_strip(
             work, strip, ground[:, strip], vref[:, strip], int(known_places[strip]), e[0, :, strip], gain,
             level[silent[:, strip], strip],
         )  # fmt: skip
-        yield from _one_channel(work, strip, channels, of, gain)
+        yield from _one_channel(work, strip, channels, levels, of, gain)
 
 
 def _extreme(values: FloatArray) -> FloatArray:
@@ -131,10 +133,17 @@ def _open_strip(
 
 
 def _one_channel(
-    work: WorkingCopy, strip: int, single: dict[str, BoolArray], places: IntArray, gain: float
+    work: WorkingCopy,
+    strip: int,
+    single: dict[str, BoolArray],
+    levels: dict[str, FloatArray],
+    places: IntArray,
+    gain: float,
 ) -> Iterator[Suspect]:
     counts = {name: int(at.sum()) for name, at in single.items()}
     often = {n: of for n, of in zip(counts, places, strict=True) if counts[n] and counts[n] >= 0.25 * of}
+    # The corner of a contact reaches an end on one strip at one height; a dead channel is dead at all.
+    often = {n: of for n, of in often.items() if _at_many_heights(levels[n], np.flatnonzero(single[n]))}
     numbers = {f"{n}_at_ground": float(c) for n, c in counts.items()}
     if len(often) == 2 or (len(often) == 1 and min(counts.values()) >= _FEW):
         evidence = (
@@ -151,6 +160,13 @@ def _one_channel(
             )
             yield work.suspect("dead", [strip], evidence, numbers, gain, name)
             return
+
+
+def _at_many_heights(levels: FloatArray, rows: IntArray) -> bool:
+    """Whether contacts came to places (rows,) at enough heights, expected there over Vref (rows,)."""
+    if len(rows) < _SOME:
+        return False
+    return _spread(levels) >= (_MOVES_OFTEN if passes(rows) >= _PASSES else _MOVES)
 
 
 def _open_end(at_vref: bool) -> str:
@@ -244,10 +260,11 @@ def _drop_end(work: WorkingCopy, strip: int, name: str, level: float, sign: floa
 
 def never_touched(work: WorkingCopy) -> Iterator[Suspect]:
     """Find strips that are never touched while a contact moves across them."""
+    away = _away_from_rest(work)
     for strip in np.flatnonzero(~work.there.any(axis=0)).tolist():
         if strip in (0, work.strips - 1):
             continue
-        over = work.there[:, strip - 1] & work.there[:, strip + 1]
+        over = away[:, strip - 1] & away[:, strip + 1]
         for values in work.k.values():  # one contact, not two with a gap between them
             over &= ~(np.abs(values[:, strip + 1] - values[:, strip - 1]) > _ONE_CONTACT)
         edges = {(int(np.argmax(row)), int(np.argmax(row[::-1]))) for row in work.there[over]}
@@ -261,6 +278,16 @@ def never_touched(work: WorkingCopy) -> Iterator[Suspect]:
                 end = _open_end(at_vref=False)
                 evidence += f", and is on ground throughout; {end}, then at the sensing wires"
             yield work.suspect(fault, [strip], evidence, {"places": float(count)}, 1.0)
+
+
+def _away_from_rest(work: WorkingCopy) -> BoolArray:
+    """Return which strips (places, strips) are touched where a strip beside them cannot read as rest does."""
+    if work.sensor.rest_volt is None:
+        return work.there
+    rest, touch = _ground(work), (work.sensor.touch_volt or 0.0) / work.sensor.vref_volt
+    with np.errstate(invalid="ignore"):
+        near = np.all([np.abs(v - rest) < _FAR_FROM_REST * touch for v in work.k.values()], axis=0)
+    return np.asarray(work.there & ~near)
 
 
 def _spread(values: FloatArray) -> float:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from tacstrip.arrays import FloatArray
-from tacstrip.diagnose.faults import Finding
+from tacstrip.diagnose.faults import Finding, Question
 from tacstrip.diagnose.log import Log
 from tacstrip.diagnose.regression import moved_to_and_fro
 from tacstrip.robust import robust_sigma
@@ -16,7 +16,9 @@ _OVER = 0.02  # over Vref: what rounding and offsets may add
 _FAR = 0.1  # over Vref: one reading so far out is enough
 _BLOCKS = 16  # different settings of the higher bits, before a bit that never changes is called stuck
 _VISITS, _APART = 2, 0.03  # of the end at Vref, and the part of the recording between two
-_NO_CEILING = 0.965  # of Vref: higher, clamps and a rim that no contact reaches do the same
+# Of Vref: higher, clamps and a rim that no contact reaches do the same; below the first, no sound unit's do.
+_SURE_CEILING, _NO_CEILING = 0.935, 0.955
+_REST_MOVES = 0.012  # over Vref: what the contact's lowest reading changes while others stay at their ceiling
 _LAGS = 200  # parts of a recording: a contact that does not move in one is held, and piles up anywhere
 _ALONG, _ENOUGH = 0.4, 40  # over Vref, how far contacts move; readings of a strip
 _BEYOND = 0.15  # of the readings at a strip's highest level: more above it, and it is not the highest
@@ -53,12 +55,12 @@ def stuck_bits(log: Log) -> tuple[list[Finding], str]:
     return [finding], not_tested
 
 
-def wrong_reference(log: Log, sigma: float) -> tuple[list[Finding], float]:
+def wrong_reference(log: Log, sigma: float) -> tuple[list[Finding], list[Question], float]:
     """Find readings above Vref or below ground, and a common ceiling below Vref.
 
     Returns
     -------
-    findings, factor
+    findings, questions, factor
         Readings over their own Vref are the log's divided by `factor`.
     """
     margin = max(_OVER, 3.0 * sigma)
@@ -79,7 +81,7 @@ def wrong_reference(log: Log, sigma: float) -> tuple[list[Finding], float]:
             f"{least * volts:.5g} to {top * volts:.5g} V{hint}",
             {"factor": top, "readings": float(over.sum()), "strips": float(often.sum())},
         )  # fmt: skip
-        return [finding], max(top - margin, 1.0)
+        return [finding], [], max(top - margin, 1.0)
     found = [
         Finding(
             "wrong-vref", (int(i),),
@@ -91,29 +93,34 @@ def wrong_reference(log: Log, sigma: float) -> tuple[list[Finding], float]:
     ]  # fmt: skip
     factor = _end_level(log, sigma)
     if factor is None:
-        return found, 1.0
-    finding = Finding(
-        "wrong-vref", (),
+        return found, [], 1.0
+    evidence = (
         f"all strips' readings pile up at {factor:.4g} of Vref, each time that a contact gets there, as at the end: "
-        f"Vref is {factor * log.sensor.vref_volt:.4g} V, or the gain {factor:.4g}", {"factor": factor},
-    )  # fmt: skip
-    return [finding, *found], factor
+        f"Vref is {factor * log.sensor.vref_volt:.4g} V, or the gain {factor:.4g}"
+    )
+    if factor > _SURE_CEILING:
+        return found, [Question((), ("wrong-vref",), f"{evidence}; a frame over the strips' ends does it too")], 1.0
+    return [Finding("wrong-vref", (), evidence, {"factor": factor}), *found], [], factor
 
 
 def _end_level(log: Log, sigma: float) -> float | None:
     """Return the level below 1 at which all strips' readings pile up, each at its own but alike; None without one.
 
-    A contact that leaves over the end at Vref reads 1 (3.3), (3.8) all the while, whatever its length. Other contacts
-    reach the same height on all strips only if they lie straight, or are not moved along the strips.
+    A contact that leaves over the end at Vref reads 1 (3.3), (3.8) all the while, whatever its length and wherever the
+    rest of it goes. Others reach the same height on all strips only if they lie straight, or are not moved along them.
     """
     k = log.k
     top = k.get("kh", k.get("k"))
     if top is None or not log.sensor.kind.closed_form:
         return None
     lag = max(1, len(top) // _LAGS)
+    every = np.concatenate([*k.values()], axis=1)
+    step = np.abs(np.nan_to_num(every[lag:], nan=-1.0) - np.nan_to_num(every[:-lag], nan=-1.0))
+    moved = (step > max(0.01, 6.0 * sigma)).any(axis=1)
+    # A contact that is held piles up anywhere; it is put down and lifted, too.
     changed = np.zeros(len(top), dtype=bool)
-    step = np.abs(np.nan_to_num(top[lag:], nan=-1.0) - np.nan_to_num(top[:-lag], nan=-1.0))
-    changed[lag:] = (step > max(0.01, 6.0 * sigma)).any(axis=1)  # a contact that is held piles up anywhere
+    changed[lag:-lag] = moved[lag:] & moved[:-lag]
+    lowest = np.fmin.reduce(every, axis=1)
     wide = max(0.006, 2.0 * sigma)
     found, seen, tested = [], 0, 0
     scans = np.zeros(len(top), dtype=bool)  # in which a strip is at its level
@@ -136,19 +143,20 @@ def _end_level(log: Log, sigma: float) -> float | None:
         )
         if np.count_nonzero(own > level + 1.5 * wide) > _BEYOND * count[at]:
             continue
-        there = np.abs(own - level) <= wide
+        there = np.abs(own - level) <= 1.001 * wide  # of rounding
         scans[here[there]] = True
-        found.append((level, count[at] / max(below, 1.0)))
+        found.append((level, count[at] / max(below, 1.0), float(np.std(lowest[here[there]]))))
     if len(found) < max(4, _OFTEN * tested, _SEEN * seen):
         return None
-    level, pile = np.array(found).T
+    level, pile, moves = np.array(found).T
     middle = float(np.median(level))
     scatter = float(robust_sigma(level - middle))
     if not 0.4 < middle < _NO_CEILING - scatter / np.sqrt(len(level)) or scatter > _ALIKE:
         return None
     # A contact at the end of one strip is not there on the next: of all strips together.
     visits = np.count_nonzero(np.diff(np.flatnonzero(scans)) > _APART * len(top)) + 1
-    return middle if np.median(pile) > _PILE and visits >= _VISITS else None
+    surely = np.median(pile) > _PILE and np.median(moves) > _REST_MOVES and visits >= _VISITS
+    return middle if surely else None
 
 
 def common_ceiling(log: Log, sigma: float) -> Iterator[Finding]:
