@@ -24,7 +24,7 @@ _SHARE = 0.4  # of those places: elsewhere the contact bridges the break
 _SPREAD = 0.05  # over Vref: what the neighbours must move for a reading that does not
 _MOVES = 0.2  # over Vref: what the neighbours must move for a reading that should, and does not
 _MOVES_OFTEN, _PASSES = 0.12, 4  # the same of contacts that came so often
-_BELOW = 0.05  # over Vref, of a contact above a cut
+_BELOW = 0.05  # over Vref, of a contact above a cut, and of readings that no limit cuts off
 _STRAYS = 2  # places
 _ALIKE = 0.7  # correlation of a strip's neighbours that are under one object
 _FEW, _SOME = 3, 8  # places
@@ -192,14 +192,19 @@ def not_moving(work: WorkingCopy) -> Iterator[Suspect]:
         own, predicted = _spread(values), _spread(expected)
         if own <= still and np.ptp(values) <= 3.0 * still and predicted > max(_MOVES, 5.0 * own):
             level = float(np.median(values))
-            fault = "dead" if abs(level - _ground(work)) < max(_RAIL, 4.0 * work.sigma) else "stuck"
+            near = max(_RAIL, 4.0 * work.sigma)
+            fault = "dead" if abs(level - _ground(work)) < near else "stuck"
+            end = ""
+            if len(work.k) == 1 and min(abs(level), abs(level - 1.0)) < near and fault == "stuck":
+                # Another level than a free wire's: the strip hangs on one rail.
+                fault, end = "open-strip", f"; {_open_end(at_vref=level > 0.5)}"
             evidence = (
                 f"stays within {100 * own:.2g} % of Vref of {level:.4g} Vref over {len(values)} places, while its "
-                f"neighbours move by {100 * predicted:.3g} %"
+                f"neighbours move by {100 * predicted:.3g} %{end}"
             )
             numbers = {"level": level, "own_spread": own, "neighbours_spread": predicted}
             misfit = float(np.abs(values - expected).mean())
-            yield work.suspect(fault, [strip], evidence, numbers, misfit, name)
+            yield work.suspect(fault, [strip], evidence, numbers, misfit, name if not end else None)
 
 
 def _alike(values: FloatArray, strip: int) -> bool:
@@ -240,6 +245,9 @@ def _saturation_level(
     if _spread(own) < _SPREAD:
         return None
     level = float(own.max())
+    lower = own < level - _BELOW
+    if np.count_nonzero(lower) >= _SOME:  # beside the channel's own offset
+        predicted = predicted + float(np.median((own - predicted)[lower]))
     beyond = predicted > level + max(0.03, 5.0 * sigma)
     at = own >= level - 0.003
     if (
