@@ -105,9 +105,14 @@ def _unit(rng: np.random.Generator, *, logs_rest: bool) -> _Unit:
         [np.zeros((strips, 1)), np.cumsum((density[:, 1:] + density[:, :-1]) / 400.0, axis=1)], axis=1
     )
     return _Unit(
-        sensor, below, rng.uniform(0.0, rng.uniform(0.0, 0.012), (strips, 2)), float(rng.choice([0.0, 0.0, 0.01, 0.02])),
-        float(rng.choice([0.0, 0.003, 0.01, 0.02])), float(rng.uniform(0.0, 0.015)), 1.0 + float(rng.uniform(-0.01, 0.01)),
-    )  # fmt: skip
+        sensor,
+        below,
+        clamps=rng.uniform(0.0, rng.uniform(0.0, 0.012), (strips, 2)),
+        rim=float(rng.choice([0.0, 0.0, 0.01, 0.02])),
+        offset=float(rng.choice([0.0, 0.003, 0.01, 0.02])),
+        gain=float(rng.uniform(0.0, 0.015)),
+        supply=1.0 + float(rng.uniform(-0.01, 0.01)),
+    )
 
 
 def _outline(rng: np.random.Generator, wide: float, tall: float) -> FloatArray:
@@ -138,17 +143,24 @@ def _things(rng: np.random.Generator, use: str, sensor: Sensor, scans: int) -> l
     pitch, ones = sensor.pitch_mm, np.ones(scans)
     wide = rng.uniform(2.5, max(3.0, 0.7 * sensor.strips)) * pitch
     tall = rng.uniform(0.06, 0.45) * sensor.length_mm
-    turn = rng.uniform(0.0, 1.0) * np.sin(np.linspace(0.0, rng.uniform(3.0, 30.0), scans) + rng.uniform(0.0, 6.0))
+    turn = rng.uniform(0.0, 1.0) * np.sin(
+        np.linspace(0.0, rng.uniform(3.0, 30.0), scans) + rng.uniform(0.0, 6.0)
+    )
     still = rng.uniform(-0.8, 0.8) * ones
     here = np.tile(rng.uniform(0.2, 0.8, 2) * size, (scans, 1))
 
-    def one(at: FloatArray, angle: FloatArray = turn, grown: FloatArray = ones, down: FloatArray = ones) -> _Object:
+    def one(
+        at: FloatArray, angle: FloatArray = turn, grown: FloatArray = ones, down: FloatArray = ones
+    ) -> _Object:
         return _Object(_outline(rng, wide, tall), at, angle, grown, down)
 
     if use == "nothing":
         return []
     if "exercise" in use:
-        wide, tall = rng.uniform(4.5, max(5.0, min(9.0, 0.6 * sensor.strips))) * pitch, rng.uniform(0.15, 0.35) * size[1]
+        wide, tall = (
+            rng.uniform(4.5, max(5.0, min(9.0, 0.6 * sensor.strips))) * pitch,
+            rng.uniform(0.15, 0.35) * size[1],
+        )
         ways = []
         for i, level in enumerate(rng.permutation(np.linspace(0.1, 0.9, int(rng.integers(2, 6))))):
             ends = (-0.1, 1.1) if i % 2 else (1.1, -0.1)
@@ -163,16 +175,23 @@ def _things(rng: np.random.Generator, use: str, sensor: Sensor, scans: int) -> l
             wide, tall = (rng.uniform(1.5, 4.0) * pitch,) * 2
         return [one(_along(stops, scans))]
     if use in ("presses", "slow presses", "taps", "fast taps", "few scans", "same two places"):
-        each = {"slow presses": 60, "taps": 12, "fast taps": 4, "few scans": int(rng.integers(1, 4))}.get(use, 30)
+        each = {"slow presses": 60, "taps": 12, "fast taps": 4, "few scans": int(rng.integers(1, 4))}.get(
+            use, 30
+        )
         number = np.minimum(np.arange(scans) // each, 10**6)
         part = (np.arange(scans) % each + 0.5) / each
         count = int(number[-1]) + 1
         places = rng.uniform((0.0, 0.03), (1.0, 0.97), (count, 2))
         if use == "same two places":
-            places = rng.uniform(0.15, 0.85, (2, 2))[np.arange(count) % 2] + rng.normal(0.0, 0.003, (count, 2))
+            places = rng.uniform(0.15, 0.85, (2, 2))[np.arange(count) % 2] + rng.normal(
+                0.0, 0.003, (count, 2)
+            )
         grown = ones
         if use == "slow presses":  # a soft contact grows with the force, from its middle
-            grown = np.sqrt(np.clip(np.minimum(part, 0.85 - part) / 0.3, 0.0, 1.0)) * rng.uniform(0.8, 1.1, count)[number]
+            grown = (
+                np.sqrt(np.clip(np.minimum(part, 0.85 - part) / 0.3, 0.0, 1.0))
+                * rng.uniform(0.8, 1.1, count)[number]
+            )
         down = (part < 0.75).astype(float) if each > 3 else ones
         return [one((places * size)[number], rng.uniform(-1.0, 1.0, count)[number], grown, down)]
     if use in ("one press", "held", "palm"):
@@ -181,7 +200,9 @@ def _things(rng: np.random.Generator, use: str, sensor: Sensor, scans: int) -> l
         first = rng.uniform(0.0, 0.3) if rng.random() < 0.6 else -1.0
         share = np.linspace(0.0, 1.0, scans)
         sway = 0.01 * tall * rng.normal(size=2) * np.sin(share * rng.uniform(1.0, 20.0))[:, None]
-        return [one(here + sway, still, down=((share > first) & (share < rng.uniform(0.8, 1.5))).astype(float))]
+        return [
+            one(here + sway, still, down=((share > first) & (share < rng.uniform(0.8, 1.5))).astype(float))
+        ]
     if use in ("roll", "rolls and lifts"):
         wide, tall = rng.uniform(0.5, 1.4) * size[0], rng.uniform(0.02, 0.08) * size[1]
         turns = np.resize([rng.uniform(-0.05, 0.1), rng.uniform(0.9, 1.05)], int(rng.integers(2, 7)))
@@ -191,7 +212,12 @@ def _things(rng: np.random.Generator, use: str, sensor: Sensor, scans: int) -> l
         return [one(at, rng.uniform(-0.25, 0.25) * ones, down=1.0 - lifted)]
     if use == "two objects":
         other = np.tile(rng.uniform(0.1, 0.9, 2) * size, (scans, 1))
-        other += 0.05 * size * np.sin(np.linspace(0.0, rng.uniform(3.0, 20.0), scans))[:, None] * rng.normal(size=2)
+        other += (
+            0.05
+            * size
+            * np.sin(np.linspace(0.0, rng.uniform(3.0, 20.0), scans))[:, None]
+            * rng.normal(size=2)
+        )
         first = one(here, still)
         wide, tall = 0.6 * wide, 0.5 * tall
         return [first, one(other, still)]
@@ -239,7 +265,9 @@ def _soft(
     fresh = there & ~np.concatenate([[False], there[:-1]])
     press, thin = np.cumsum(fresh), 0.3 * (up - low)
     for sign, values in ((-1.0, low), (1.0, up)):
-        own = 0.9 * rng.normal(size=(press[-1] + 1, strips))[press] + 0.4 * _passing(rng, scans, strips, _EDGE_KEEPS)
+        own = 0.9 * rng.normal(size=(press[-1] + 1, strips))[press] + 0.4 * _passing(
+            rng, scans, strips, _EDGE_KEEPS
+        )
         beside = (np.roll(own, 1, axis=1) + np.roll(own, -1, axis=1)) * 0.25
         # Where a contact hardly reaches, its two ends do not err past each other.
         values += np.clip(size * (0.9 * own + beside), -thin, thin)
@@ -252,7 +280,9 @@ def _soft(
     return np.where(off, np.nan, low), np.where(off, np.nan, up)
 
 
-def _readings(rng: np.random.Generator, unit: _Unit, low: FloatArray, up: FloatArray) -> dict[str, FloatArray]:
+def _readings(
+    rng: np.random.Generator, unit: _Unit, low: FloatArray, up: FloatArray
+) -> dict[str, FloatArray]:
     """Return what amplifiers get over the Vref of the spec, the rest level where nothing touches."""
     sensor, strips = unit.sensor, unit.sensor.strips
     y = np.linspace(0.0, 1.0, unit.below.shape[1])
@@ -272,7 +302,10 @@ def _readings(rng: np.random.Generator, unit: _Unit, low: FloatArray, up: FloatA
     rest = (sensor.rest_volt or 0.0) / sensor.vref_volt
     for name, values in k.items():
         values = np.where(np.isfinite(values), values * unit.supply, rest)
-        gain, offset = (1.0 + rng.uniform(-unit.gain, unit.gain, strips), rng.uniform(-unit.offset, unit.offset, strips))
+        gain, offset = (
+            1.0 + rng.uniform(-unit.gain, unit.gain, strips),
+            rng.uniform(-unit.offset, unit.offset, strips),
+        )
         k[name] = values * gain + offset
     return k
 
@@ -324,7 +357,9 @@ def main(units: int, first: int) -> None:
             names = getattr(one, "fault", "") or "? " + ", ".join(getattr(one, "causes", ()))
             sys.stdout.write(f"{about}: {names} {one.strips}: {one.evidence}\n")
     took = time.process_time() - start
-    sys.stdout.write(f"{units} sound units: {said['alarms']} alarms, {said['asked']} asked, {took:.0f} s of CPU\n")
+    sys.stdout.write(
+        f"{units} sound units: {said['alarms']} alarms, {said['asked']} asked, {took:.0f} s of CPU\n"
+    )
 
 
 if __name__ == "__main__":

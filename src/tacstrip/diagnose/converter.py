@@ -25,6 +25,8 @@ _BEYOND = 0.15  # of the readings at a strip's highest level: more above it, and
 _OFTEN, _SEEN = 0.6, 0.4  # of the strips along which contacts move to and fro, and of all
 _ALIKE = 0.045  # over Vref: scatter of their levels
 _PILE = 3.5  # times as dense as below
+# Steps and over Vref, of noise that would show; over Vref, of ends, where converters stop; readings at a level.
+_RESOLVED, _LEAST_RESOLVED, _ENDS, _CUT_OFF = 1.2, 2e-4, 0.03, 8
 _WHOLE = 1e-3  # of a step: rounding of printed volts
 
 
@@ -99,7 +101,11 @@ def wrong_reference(log: Log, sigma: float) -> tuple[list[Finding], list[Questio
         f"Vref is {factor * log.sensor.vref_volt:.4g} V, or the gain {factor:.4g}"
     )
     if factor > _SURE_CEILING:
-        return found, [Question((), ("wrong-vref",), f"{evidence}; a frame over the strips' ends does it too")], 1.0
+        return (
+            found,
+            [Question((), ("wrong-vref",), f"{evidence}; a frame over the strips' ends does it too")],
+            1.0,
+        )
     return [Finding("wrong-vref", (), evidence, {"factor": factor}), *found], [], factor
 
 
@@ -176,6 +182,30 @@ def common_ceiling(log: Log, sigma: float) -> Iterator[Finding]:
             )
             numbers = {"level": sign * level, "side": sign, "readings": float(at)}
             yield Finding("saturation", (), evidence, numbers)
+
+
+def single_ceilings(log: Log, sigma: float) -> Iterator[Finding]:
+    """Find channels that stop at a level of their own, where noise is cut off, too, as no contact does."""
+    if sigma < max(_RESOLVED * log.sensor.adc_step, _LEAST_RESOLVED):
+        return
+    for name, raw in log.raw.items():
+        for strip in np.flatnonzero(log.touched.any(axis=0)).tolist():
+            values = raw[log.touched[:, strip], strip]
+            values = values[np.isfinite(values)]
+            for sign, side in ((1.0, "above"), (-1.0, "below")) if len(values) >= _ENOUGH else ():
+                level = float((sign * values).max())
+                if not _ENDS < sign * level < 1.0 - _ENDS:
+                    continue
+                at, below, _ = _count_at_level(
+                    [sign * values[:, None]], level, 0.6 * log.sensor.adc_step + 1e-9, 3.0 * sigma
+                )
+                if at >= _CUT_OFF and at > 3 * below:
+                    evidence = (
+                        f"{at} readings are just {sign * level:.5g} Vref and none is {side}; noise alone would "
+                        f"spread them by {100 * sigma:.2g} %"
+                    )
+                    numbers = {"level": sign * level, "readings": float(at)}
+                    yield Finding("saturation", (strip,), evidence, numbers, name)
 
 
 def _count_at_level(values: list[FloatArray], level: float, tie: float, near: float) -> tuple[int, int, int]:

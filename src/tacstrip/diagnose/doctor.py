@@ -9,7 +9,7 @@ import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.diagnose.channels import clipped, never_touched, not_moving, on_rails
-from tacstrip.diagnose.converter import common_ceiling, stuck_bits, wrong_reference
+from tacstrip.diagnose.converter import common_ceiling, single_ceilings, stuck_bits, wrong_reference
 from tacstrip.diagnose.drift import drift
 from tacstrip.diagnose.exchanged import swapped_ends, swapped_strips, swapped_wires
 from tacstrip.diagnose.faults import Finding, Question, Report
@@ -82,9 +82,7 @@ def diagnose(log: Log) -> Report:
     ceiling = list(common_ceiling(part, sigma))
     geometric = log.sensor.kind.closed_form
     pressed = list(pressure(part)) if geometric else []
-    reference, unsure, factor = (
-        wrong_reference(part, sigma) if not ceiling and not pressed else ([], [], 1.0)
-    )
+    reference, unsure, factor = wrong_reference(part, sigma) if not ceiling and not pressed else ([], [], 1.0)
     work = working_copy(_without_strays(part), sigma)
     work.drop(*np.flatnonzero(left_out_wholly(log.sensor)).tolist())
     for name, values in work.k.items():
@@ -108,6 +106,9 @@ def diagnose(log: Log) -> Report:
     exchanged = {i for s in named if s.finding.fault == "swapped-strips" for i in s.finding.strips}
     loose = [f for f in loose if not exchanged & set(f.strips)]
     removed = [*pressed, *loose, *_silent_channels(part), *_merged([s.finding for s in named])]
+    if not (pressed or ceiling or reference):
+        faulty = {i for f in removed for i in f.strips}
+        removed += [f for f in single_ceilings(part, sigma) if not faulty & set(f.strips)]
     timed = places(work, max(len(part.time_s) // _TIMED, 1))
     drifting, moving, together, checked = drift(part, timed, timed.time_s)
     humming, no_hum = hum(part, sigma)

@@ -89,11 +89,11 @@ def drift(
     first, seconds = float(log.time_s.min()), float(np.ptp(log.time_s))
     if seconds <= 0.0:
         return [], [], [], np.zeros(log.sensor.strips, dtype=bool)
-    level, common, rests, varies = _levels_at_rest(log, work.order, (log.time_s - first) / seconds)
+    level, common, rests, untouched = _levels_at_rest(log, work.order, (log.time_s - first) / seconds)
     checked = np.isfinite(level).sum(axis=0) >= _LOOKS
     found = [
         f
-        for f in _outstanding_at_rest(level, varies, work.order)
+        for f in _outstanding_at_rest(level, untouched, work.order)
         if f.fault == "drift" or not _steps(rests, int(np.flatnonzero(work.order == f.strips[0])[0]))
     ]
     notes = []
@@ -139,21 +139,23 @@ def _levels_at_rest(
 ) -> tuple[FloatArray, float, list[FloatArray], FloatArray]:
     """Return untouched levels over time less those of the other strips (blocks, strips), and the change these share.
 
-    Then, by channel, the untouched readings of the strips across (scans, strips) that were used, and how much the
-    levels of all untouched readings vary, used or not (strips,).
+    Then, by channel, the untouched readings of the strips across (scans, strips) that were used, and the levels of
+    all untouched readings, used or not (channels, blocks, strips).
 
     Of two channels, their mean. A contact at the ground end can pass for none: next to a touched strip, and where a
     neighbour's untouched reading is far from its usual one, nothing counts.
     """
     strips = log.sensor.strips
-    levels, shared, scatters, rests, varies = [], [], [], [], []
+    levels, shared, scatters, rests, untouched = [], [], [], [], []
     block = np.minimum((tau * _BLOCKS).astype(int), _BLOCKS - 1)
     edges = np.searchsorted(block, np.arange(_BLOCKS + 1)) if (np.diff(block) >= 0).all() else None
     touched = log.touched[:, order]
     near = _beside(touched) | touched
     for values in log.raw.values():
         rest = np.where(touched, np.nan, values[:, order])
-        varies.append(_columns(np.nanstd, _block_medians(rest, block, edges)))
+        every = _block_medians(rest, block, edges)
+        every -= _columns(np.nanmean, every)
+        untouched.append(every - _columns(np.nanmedian, every.T)[:, None])
         moved = rest - _columns(np.nanmedian, rest)
         away = np.abs(moved - _columns(np.nanmedian, moved.T)[:, None]) > _JUMP
         rest = np.where(near | _beside(away), np.nan, rest)
@@ -177,7 +179,7 @@ def _levels_at_rest(
         if len(there) >= _LOOKS and np.ptp(_MIDDLE[there]) >= _SPAN:
             out[there, order[place]] = median_filter(own[there, place], 3, mode="constant")
             out[there[[0, -1]], order[place]] = np.nan  # which the filter pads
-    return out, float(np.median(shared)) if shared else np.nan, rests, np.fmax.reduce(varies)
+    return out, float(np.median(shared)) if shared else np.nan, rests, np.stack(untouched)
 
 
 def _block_medians(rest: FloatArray, block: IntArray, edges: IntArray | None) -> FloatArray:
@@ -200,10 +202,10 @@ def _columns(statistic: Callable[..., FloatArray], values: FloatArray) -> FloatA
     return out
 
 
-def _outstanding_at_rest(level: FloatArray, varies: FloatArray, order: IntArray) -> Iterator[Finding]:
+def _outstanding_at_rest(level: FloatArray, every: FloatArray, order: IntArray) -> Iterator[Finding]:
     """Yield what strips do at rest that the others do not; levels (blocks, strips) by the file's strips.
 
-    `varies` (strips,): of the strips across, how much their untouched levels vary, used or not.
+    `every` (channels, blocks, strips): of the strips across, the levels of all their untouched readings, used or not.
     """
     known = np.flatnonzero(np.isfinite(level).sum(axis=0) >= _LOOKS - 2)
     if len(known) < 4:
@@ -219,7 +221,9 @@ def _outstanding_at_rest(level: FloatArray, varies: FloatArray, order: IntArray)
             if j != i and j in known
         ]
         others = np.delete(size, [row, *beside])
-        near = np.nanmax(np.delete(varies[max(at - _NEAR, 0) : at + _NEAR + 1], min(at, _NEAR)), initial=0.0)
+        near = max(
+            (_goes_with(v[:, at], v[:, j]) for v in every for j in _around(at, len(order))), default=0.0
+        )
         if len(others) < 2 or max(near, 0.0, *size[beside]) > 0.5 * size[row]:
             continue
         usual = max(float(np.median(others)) * _TIMES, float(np.quantile(others, 0.9)) * _TIMES / 2.0)
@@ -234,6 +238,20 @@ def _outstanding_at_rest(level: FloatArray, varies: FloatArray, order: IntArray)
             evidence = f"wanders by +-{100 * size[row]:.2g} % of Vref, slowly, untouched, the others by "
             evidence += f"+-{100 * float(np.median(others)):.2g} %"
             yield Finding("wander", (i,), evidence, {"wander": float(size[row])})
+
+
+def _around(at: int, strips: int) -> list[int]:
+    """Return the places across that one contact covers with one at the ground end of this one."""
+    return [j for j in range(max(at - _NEAR, 0), min(at + _NEAR + 1, strips)) if j != at]
+
+
+def _goes_with(level: FloatArray, other: FloatArray) -> float:
+    """Return the deviation of what another strip's levels (blocks,) have in common with these."""
+    both = np.isfinite(level) & np.isfinite(other)
+    if both.sum() < _LOOKS:
+        return 0.0
+    one, two = level[both] - level[both].mean(), other[both] - other[both].mean()
+    return float(abs(one @ two) / np.sqrt(len(one) * max(float(one @ one), 1e-18)))
 
 
 def _lasting(level: FloatArray) -> float:

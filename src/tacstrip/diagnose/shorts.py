@@ -111,7 +111,10 @@ def _tied_sensing(work: WorkingCopy) -> Iterator[Suspect]:
                 numbers = {"differ": float(own[pair]), "others": usual, "places": float(len(rows))}
                 best[pair] = ratio, work.suspect("short", [pair, pair + 1], evidence, numbers, usual)
     best = {
-        pair: (ratio, replace(suspect, doubtful=_odds_of_flat(work, pair) < _least_odds(work, pair, _ODDS_TIED)))
+        pair: (
+            ratio,
+            replace(suspect, doubtful=_odds_of_flat(work, pair) < _least_odds(work, pair, _ODDS_TIED)),
+        )
         for pair, (ratio, suspect) in best.items()
     }
     yield from (suspect for _, suspect in best.values())
@@ -140,7 +143,9 @@ def _flattened(work: WorkingCopy, alike: Mapping[int, tuple[float, float, int]])
                 f"{bridge.gain / max(others, 1e-9):.2g} times as much as between other strips"
             )
             numbers = {"differ": own, "others": usual, "places": float(places), "gain": bridge.gain}
-            doubtful = bridge.gain < _BENT_SURELY or _odds_of_flat(work, strip) < _least_odds(work, strip, _ODDS)
+            doubtful = bridge.gain < _BENT_SURELY or _odds_of_flat(work, strip) < _least_odds(
+                work, strip, _ODDS
+            )
             suspect = work.suspect("short", [strip, strip + 1], evidence, numbers, usual)
             yield replace(suspect, doubtful=doubtful)
 
@@ -166,9 +171,7 @@ def _odds_of_flat(work: WorkingCopy, strip: int) -> float:
             rows = np.flatnonzero(at)
             if len(rows) < _FEWEST_LOOKS:
                 continue
-            flat, half = (
-                _left(y[rows], level[rows]) for y in (difference, difference - slope / 2.0)
-            )
+            flat, half = (_left(y[rows], level[rows]) for y in (difference, difference - slope / 2.0))
             if flat < _NOISE * noise:
                 looks = min(len(rows), _LOOKS * passes(rows))
                 best = max(best, looks * math.log(max(half, noise) / max(flat, noise)))
