@@ -172,7 +172,7 @@ def _things(rng: np.random.Generator, use: str, sensor: Sensor, scans: int) -> l
     if use in ("drag", "scribble", "ball"):
         stops = rng.uniform(-0.05, 1.05, (int(rng.integers(2, 5 if use == "drag" else 25)), 2)) * size
         if use == "ball":
-            wide, tall = (rng.uniform(1.5, 4.0) * pitch,) * 2
+            wide = tall = rng.uniform(1.5, 4.0) * pitch
         return [one(_along(stops, scans))]
     if use in ("presses", "slow presses", "taps", "fast taps", "few scans", "same two places"):
         each = {"slow presses": 60, "taps": 12, "fast taps": 4, "few scans": int(rng.integers(1, 4))}.get(
@@ -197,11 +197,11 @@ def _things(rng: np.random.Generator, use: str, sensor: Sensor, scans: int) -> l
     if use in ("one press", "held", "palm"):
         if use == "palm":
             wide, tall = rng.uniform(0.9, 1.4) * size[0], rng.uniform(0.3, 0.8) * size[1]
-        first = rng.uniform(0.0, 0.3) if rng.random() < 0.6 else -1.0
+        start = rng.uniform(0.0, 0.3) if rng.random() < 0.6 else -1.0
         share = np.linspace(0.0, 1.0, scans)
         sway = 0.01 * tall * rng.normal(size=2) * np.sin(share * rng.uniform(1.0, 20.0))[:, None]
         return [
-            one(here + sway, still, down=((share > first) & (share < rng.uniform(0.8, 1.5))).astype(float))
+            one(here + sway, still, down=((share > start) & (share < rng.uniform(0.8, 1.5))).astype(float))
         ]
     if use in ("roll", "rolls and lifts"):
         wide, tall = rng.uniform(0.5, 1.4) * size[0], rng.uniform(0.02, 0.08) * size[1]
@@ -209,7 +209,7 @@ def _things(rng: np.random.Generator, use: str, sensor: Sensor, scans: int) -> l
         at = _along(np.stack([np.full(len(turns), rng.uniform(0.4, 0.6)), turns], axis=1) * size, scans)
         part = np.arange(scans) * (len(turns) - 1) / scans % 1.0
         lifted = (part > 0.85) & (use == "rolls and lifts")
-        return [one(at, rng.uniform(-0.25, 0.25) * ones, down=1.0 - lifted)]
+        return [one(at, rng.uniform(-0.25, 0.25) * ones, down=(~lifted).astype(float))]
     if use == "two objects":
         other = np.tile(rng.uniform(0.1, 0.9, 2) * size, (scans, 1))
         other += (
@@ -227,13 +227,13 @@ def _things(rng: np.random.Generator, use: str, sensor: Sensor, scans: int) -> l
         return [one(way + rng.normal(0.0, 0.25, 2) * size, still) for _ in range(3)]
     if use in ("sway at an edge", "ground end", "far end"):
         end = {"ground end": 0.0, "far end": 1.0}.get(use, float(rng.integers(2)))
-        x = rng.choice([0.0, 1.0]) if use == "sway at an edge" else rng.uniform(0.1, 0.9)
+        x = float(rng.integers(2)) if use == "sway at an edge" else rng.uniform(0.1, 0.9)
         sway = rng.uniform(0.02, 0.2, 2) * np.sin(np.linspace(0.0, rng.uniform(3.0, 25.0), scans))[:, None]
         return [one((np.array([x, end]) + sway) * size)]
     wide = rng.uniform(1.2, 2.4) * pitch  # narrow slides
-    stops = np.repeat(rng.uniform(0.05, 0.95, int(rng.integers(2, 9))), 2)
-    ends = np.resize([0.05, 0.95, 0.95, 0.05], len(stops))
-    return [one(_along(np.stack([stops, ends], axis=1) * size, scans), still)]
+    lanes = np.repeat(rng.uniform(0.05, 0.95, int(rng.integers(2, 9))), 2)
+    turned = np.resize([0.05, 0.95, 0.95, 0.05], len(lanes))
+    return [one(_along(np.stack([lanes, turned], axis=1) * size, scans), still)]
 
 
 def _ends(thing: _Object, sensor: Sensor) -> tuple[FloatArray, FloatArray]:
@@ -261,7 +261,7 @@ def _soft(
     """Let ends err, alike on neighbours and for a while, and grow while held; cut them at the frame."""
     scans, strips = low.shape
     size = float(rng.choice([0.0, 0.001, 0.003, 0.006]))
-    there = np.isfinite(low).any(axis=1)
+    there = np.asarray(np.isfinite(low).any(axis=1))
     fresh = there & ~np.concatenate([[False], there[:-1]])
     press, thin = np.cumsum(fresh), 0.3 * (up - low)
     for sign, values in ((-1.0, low), (1.0, up)):
@@ -353,9 +353,10 @@ def main(units: int, first: int) -> None:
         said["alarms"] += bool(report.findings)
         said["asked"] += bool(report.questions and not report.findings)
         about = f"{seed} {use}, {log.sensor.construction} of {log.sensor.strips}"
-        for one in (*report.findings, *report.questions):
-            names = getattr(one, "fault", "") or "? " + ", ".join(getattr(one, "causes", ()))
-            sys.stdout.write(f"{about}: {names} {one.strips}: {one.evidence}\n")
+        entries = [(f.fault, f.strips, f.evidence) for f in report.findings]
+        entries += [("? " + ", ".join(q.causes), q.strips, q.evidence) for q in report.questions]
+        for names, strips, evidence in entries:
+            sys.stdout.write(f"{about}: {names} {strips}: {evidence}\n")
     took = time.process_time() - start
     sys.stdout.write(
         f"{units} sound units: {said['alarms']} alarms, {said['asked']} asked, {took:.0f} s of CPU\n"

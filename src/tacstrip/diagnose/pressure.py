@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
 
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.diagnose.faults import Finding
@@ -122,5 +121,12 @@ def _leaves_low(values: FloatArray) -> float:
     top, own = float(np.quantile(values[there], 0.98)), values[scan, strip]
     if np.quantile(own, 0.9) > _LOW * top:
         return -1.0
-    beside = maximum_filter1d(values, 2 * _AWAY + 1, axis=1, mode="constant")[scan, strip]
+    beside = own.copy()
+    for side in (-1, 1):
+        same = np.ones(len(scan), dtype=bool)  # one contact: another finger may lie higher
+        for away in range(1, _AWAY + 1):
+            at = strip + side * away
+            same &= (at >= 0) & (at < values.shape[1])
+            same[same] &= there[scan[same], at[same]]
+            beside[same] = np.maximum(beside[same], values[scan[same], at[same]])
     return float(np.mean((beside > 0.5 * top) & (own < 0.5 * beside)))
