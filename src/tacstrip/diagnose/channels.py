@@ -108,10 +108,12 @@ def _open_strip(
     places += len(silent)
     count = on_ground + int(vref.sum())
     always = count >= _ALWAYS * places
+    # An object over the strip's end does not put two channels on one rail at every place.
+    enough = _FEW if always and len(work.k) == 2 else _SOME
     # An object that reaches over the end of one strip does so at one height, or once.
     rows = np.flatnonzero(ground | vref)
     levels = np.concatenate([level[rows], silent])
-    if count < max(_SOME, _SHARE * places):
+    if count < max(enough, _SHARE * places):
         return
     if _spread(levels) < (_MOVES_OFTEN if passes(rows) >= _PASSES else _MOVES):
         return
