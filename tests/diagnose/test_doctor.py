@@ -390,8 +390,12 @@ def test_a_doubtful_strip_of_one_press_on_one_channel_is_asked_about() -> None:
         (8, 71, "a wrong Vref of contacts that come to each strip's end once"),
         (7, 79, "hum within a cycle or two of half the scan rate"),
         (9, 79, "hum of strips that are visited in one half of the recording"),
-        (0, 73, "drift by few looks"),
     ],
 )
 def test_faults_of_units_that_are_kept_apart_are_named(seed: int, number: int, why: str) -> None:
     assert doctor_set.score(seed, number)["verdict"] == "named", why
+
+
+def test_drift_by_few_looks_is_a_question() -> None:
+    """Among the strips and signals that are looked at, one of 500 passes is as much by chance (z = 2.7)."""
+    assert doctor_set.score(0, 73)["verdict"] == "asked"

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
+from scipy.linalg import cho_factor, cho_solve
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.diagnose.neighbour_prediction import WorkingCopy
@@ -82,22 +83,26 @@ class BendModel:
         own = _spread(
             strip, values.shape[1], [np.stack([x**p for p in range(_POWERS)], axis=1) for x in level]
         )
-        shape = _shape_terms(work, values, known, place, strip)
+        shape, parts = _shape_terms(work, values, known, place, strip)
         weight, residual, sigma = np.ones(len(bend)), bend, np.inf
         inverse: FloatArray = np.zeros((0, 0))
-        for _ in range(_ROUNDS):
+        for left in reversed(range(_ROUNDS)):
             # Before the fit: what is regressed on its residuals later needs the very weights that they come from.
             weight = 1.0 / (1.0 + (residual / (_ROBUST * sigma)) ** 2)
             weighted = own.multiply(weight[:, None]).tocsr()
             corner = np.asarray(weighted.T @ shape)
-            normal = np.block(
-                [
-                    [(weighted.T @ own).toarray(), corner],
-                    [corner.T, shape.T @ (shape * weight[:, None])],
-                ]
-            )
-            inverse = np.asarray(np.linalg.inv(normal + _RIDGE * np.eye(len(normal))))
-            found = inverse @ np.concatenate([weighted.T @ bend, shape.T @ (weight * bend)])
+            terms = np.zeros((shape.shape[1], shape.shape[1]))
+            for here, columns in parts:
+                one = shape[here, columns]
+                terms[columns, columns] = one.T @ (one * weight[here, None])
+            normal = np.block([[(weighted.T @ own).toarray(), corner], [corner.T, terms]])
+            normal += _RIDGE * np.eye(len(normal))
+            right = np.concatenate([weighted.T @ bend, shape.T @ (weight * bend)])
+            if left:
+                found = cho_solve(cho_factor(normal), right)
+            else:
+                inverse = np.asarray(np.linalg.inv(normal))
+                found = inverse @ right
             residual = bend - own @ found[: own.shape[1]] - shape @ found[own.shape[1] :]
             sigma = max(float(robust_sigma(residual)), 1e-6)
         return cls(place, strip, residual, weight, sigma, own, shape, inverse)
@@ -173,8 +178,11 @@ def _spread(strip: IntArray, strips: int, terms: list[FloatArray]) -> sparse.csr
 
 def _shape_terms(
     work: WorkingCopy, values: FloatArray, known: BoolArray, place: IntArray, strip: IntArray
-) -> FloatArray:
-    """Return terms of all signatures around each bend (rows, terms): slope, bends of the next strips, products."""
+) -> tuple[FloatArray, list[tuple[IntArray, slice]]]:
+    """Return terms of all signatures around each bend (rows, terms): slope, bends of the next strips, products.
+
+    Also the rows and columns of each part of them, by the strips that are touched: all else is 0.
+    """
     signatures = list(work.k.values())
     beyond = [np.pad(known, ((0, 0), (1, 1)))[place, strip + 1 + side] for side in (-2, 2)]
     parts = []
@@ -198,8 +206,10 @@ def _shape_terms(
                 all_of_it.append(scaled[:, a] * scaled[:, b])
             parts.append((here, np.concatenate(all_of_it, axis=1)))
     out = np.zeros((len(place), sum(part.shape[1] for _, part in parts)))
-    first = 0
+    where, first = [], 0
     for here, part in parts:
-        out[here, first : first + part.shape[1]] = part
-        first += part.shape[1]
-    return out
+        columns = slice(first, first + part.shape[1])
+        out[here, columns] = part
+        where.append((here, columns))
+        first = columns.stop
+    return out, where

@@ -24,10 +24,11 @@ _SHARE = 0.4  # of those places: elsewhere the contact bridges the break
 _SPREAD = 0.05  # over Vref: what the neighbours must move for a reading that does not
 _MOVES = 0.2  # over Vref: what the neighbours must move for a reading that should, and does not
 _MOVES_OFTEN, _PASSES = 0.12, 4  # the same of contacts that came so often
-_BELOW = 0.05  # over Vref, of a contact above a cut
+_BELOW = 0.05  # over Vref, of a contact above a cut, and of readings that no limit cuts off
 _STRAYS = 2  # places
 _ALIKE = 0.7  # correlation of a strip's neighbours that are under one object
 _FEW, _SOME = 3, 8  # places
+_FAR_FROM_REST = 2.5  # times what counts as touched
 _ONE_CONTACT = 0.2  # over Vref: strips under one contact do not differ by more
 
 
@@ -58,12 +59,13 @@ def on_rails(work: WorkingCopy) -> Iterator[Suspect]:
         known = np.isfinite(r[:, :, strip]).any(axis=0).sum()
         gain = float(np.nansum(np.abs(r[:, :, strip])) / max(known, 1))
         channels = dict(zip(names, single[:, :, strip], strict=True))
+        levels = {name: e[i, single[i, :, strip], strip] for i, name in enumerate(names)}
         of = inside[:, :, strip].sum(axis=1)
         yield from _open_strip(
             work, strip, ground[:, strip], vref[:, strip], int(known_places[strip]), e[0, :, strip], gain,
             level[silent[:, strip], strip],
         )  # fmt: skip
-        yield from _one_channel(work, strip, channels, of, gain)
+        yield from _one_channel(work, strip, channels, levels, of, gain)
 
 
 def _extreme(values: FloatArray) -> FloatArray:
@@ -131,10 +133,17 @@ def _open_strip(
 
 
 def _one_channel(
-    work: WorkingCopy, strip: int, single: dict[str, BoolArray], places: IntArray, gain: float
+    work: WorkingCopy,
+    strip: int,
+    single: dict[str, BoolArray],
+    levels: dict[str, FloatArray],
+    places: IntArray,
+    gain: float,
 ) -> Iterator[Suspect]:
     counts = {name: int(at.sum()) for name, at in single.items()}
     often = {n: of for n, of in zip(counts, places, strict=True) if counts[n] and counts[n] >= 0.25 * of}
+    # The corner of a contact reaches an end on one strip at one height; a dead channel is dead at all.
+    often = {n: of for n, of in often.items() if _at_many_heights(levels[n], np.flatnonzero(single[n]))}
     numbers = {f"{n}_at_ground": float(c) for n, c in counts.items()}
     if len(often) == 2 or (len(often) == 1 and min(counts.values()) >= _FEW):
         evidence = (
@@ -151,6 +160,13 @@ def _one_channel(
             )
             yield work.suspect("dead", [strip], evidence, numbers, gain, name)
             return
+
+
+def _at_many_heights(levels: FloatArray, rows: IntArray) -> bool:
+    """Whether contacts came to places (rows,) at enough heights, expected there over Vref (rows,)."""
+    if len(rows) < _SOME:
+        return False
+    return _spread(levels) >= (_MOVES_OFTEN if passes(rows) >= _PASSES else _MOVES)
 
 
 def _open_end(at_vref: bool) -> str:
@@ -176,14 +192,19 @@ def not_moving(work: WorkingCopy) -> Iterator[Suspect]:
         own, predicted = _spread(values), _spread(expected)
         if own <= still and np.ptp(values) <= 3.0 * still and predicted > max(_MOVES, 5.0 * own):
             level = float(np.median(values))
-            fault = "dead" if abs(level - _ground(work)) < max(_RAIL, 4.0 * work.sigma) else "stuck"
+            near = max(_RAIL, 4.0 * work.sigma)
+            fault = "dead" if abs(level - _ground(work)) < near else "stuck"
+            end = ""
+            if len(work.k) == 1 and min(abs(level), abs(level - 1.0)) < near and fault == "stuck":
+                # Another level than a free wire's: the strip hangs on one rail.
+                fault, end = "open-strip", f"; {_open_end(at_vref=level > 0.5)}"
             evidence = (
                 f"stays within {100 * own:.2g} % of Vref of {level:.4g} Vref over {len(values)} places, while its "
-                f"neighbours move by {100 * predicted:.3g} %"
+                f"neighbours move by {100 * predicted:.3g} %{end}"
             )
             numbers = {"level": level, "own_spread": own, "neighbours_spread": predicted}
             misfit = float(np.abs(values - expected).mean())
-            yield work.suspect(fault, [strip], evidence, numbers, misfit, name)
+            yield work.suspect(fault, [strip], evidence, numbers, misfit, name if not end else None)
 
 
 def _alike(values: FloatArray, strip: int) -> bool:
@@ -224,6 +245,9 @@ def _saturation_level(
     if _spread(own) < _SPREAD:
         return None
     level = float(own.max())
+    lower = own < level - _BELOW
+    if np.count_nonzero(lower) >= _SOME:  # beside the channel's own offset
+        predicted = predicted + float(np.median((own - predicted)[lower]))
     beyond = predicted > level + max(0.03, 5.0 * sigma)
     at = own >= level - 0.003
     if (
@@ -244,10 +268,11 @@ def _drop_end(work: WorkingCopy, strip: int, name: str, level: float, sign: floa
 
 def never_touched(work: WorkingCopy) -> Iterator[Suspect]:
     """Find strips that are never touched while a contact moves across them."""
+    away = _away_from_rest(work)
     for strip in np.flatnonzero(~work.there.any(axis=0)).tolist():
         if strip in (0, work.strips - 1):
             continue
-        over = work.there[:, strip - 1] & work.there[:, strip + 1]
+        over = away[:, strip - 1] & away[:, strip + 1]
         for values in work.k.values():  # one contact, not two with a gap between them
             over &= ~(np.abs(values[:, strip + 1] - values[:, strip - 1]) > _ONE_CONTACT)
         edges = {(int(np.argmax(row)), int(np.argmax(row[::-1]))) for row in work.there[over]}
@@ -261,6 +286,16 @@ def never_touched(work: WorkingCopy) -> Iterator[Suspect]:
                 end = _open_end(at_vref=False)
                 evidence += f", and is on ground throughout; {end}, then at the sensing wires"
             yield work.suspect(fault, [strip], evidence, {"places": float(count)}, 1.0)
+
+
+def _away_from_rest(work: WorkingCopy) -> BoolArray:
+    """Return which strips (places, strips) are touched where a strip beside them cannot read as rest does."""
+    if work.sensor.rest_volt is None:
+        return work.there
+    rest, touch = _ground(work), (work.sensor.touch_volt or 0.0) / work.sensor.vref_volt
+    with np.errstate(invalid="ignore"):
+        near = np.all([np.abs(v - rest) < _FAR_FROM_REST * touch for v in work.k.values()], axis=0)
+    return np.asarray(work.there & ~near)
 
 
 def _spread(values: FloatArray) -> float:

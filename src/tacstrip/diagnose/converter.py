@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from tacstrip.arrays import FloatArray
-from tacstrip.diagnose.faults import Finding
+from tacstrip.diagnose.faults import Finding, Question
 from tacstrip.diagnose.log import Log
 from tacstrip.diagnose.regression import moved_to_and_fro
 from tacstrip.robust import robust_sigma
@@ -16,13 +16,17 @@ _OVER = 0.02  # over Vref: what rounding and offsets may add
 _FAR = 0.1  # over Vref: one reading so far out is enough
 _BLOCKS = 16  # different settings of the higher bits, before a bit that never changes is called stuck
 _VISITS, _APART = 2, 0.03  # of the end at Vref, and the part of the recording between two
-_NO_CEILING = 0.965  # of Vref: higher, clamps and a rim that no contact reaches do the same
+# Of Vref: higher, clamps and a rim that no contact reaches do the same; below the first, no sound unit's do.
+_SURE_CEILING, _NO_CEILING = 0.935, 0.955
+_REST_MOVES = 0.012  # over Vref: what the contact's lowest reading changes while others stay at their ceiling
 _LAGS = 200  # parts of a recording: a contact that does not move in one is held, and piles up anywhere
 _ALONG, _ENOUGH = 0.4, 40  # over Vref, how far contacts move; readings of a strip
 _BEYOND = 0.15  # of the readings at a strip's highest level: more above it, and it is not the highest
 _OFTEN, _SEEN = 0.6, 0.4  # of the strips along which contacts move to and fro, and of all
 _ALIKE = 0.045  # over Vref: scatter of their levels
 _PILE = 3.5  # times as dense as below
+# Steps and over Vref, of noise that would show; over Vref, of ends, where converters stop; readings at a level.
+_RESOLVED, _LEAST_RESOLVED, _ENDS, _CUT_OFF = 1.2, 2e-4, 0.03, 8
 _WHOLE = 1e-3  # of a step: rounding of printed volts
 
 
@@ -53,12 +57,12 @@ def stuck_bits(log: Log) -> tuple[list[Finding], str]:
     return [finding], not_tested
 
 
-def wrong_reference(log: Log, sigma: float) -> tuple[list[Finding], float]:
+def wrong_reference(log: Log, sigma: float) -> tuple[list[Finding], list[Question], float]:
     """Find readings above Vref or below ground, and a common ceiling below Vref.
 
     Returns
     -------
-    findings, factor
+    findings, questions, factor
         Readings over their own Vref are the log's divided by `factor`.
     """
     margin = max(_OVER, 3.0 * sigma)
@@ -79,7 +83,7 @@ def wrong_reference(log: Log, sigma: float) -> tuple[list[Finding], float]:
             f"{least * volts:.5g} to {top * volts:.5g} V{hint}",
             {"factor": top, "readings": float(over.sum()), "strips": float(often.sum())},
         )  # fmt: skip
-        return [finding], max(top - margin, 1.0)
+        return [finding], [], max(top - margin, 1.0)
     found = [
         Finding(
             "wrong-vref", (int(i),),
@@ -91,29 +95,38 @@ def wrong_reference(log: Log, sigma: float) -> tuple[list[Finding], float]:
     ]  # fmt: skip
     factor = _end_level(log, sigma)
     if factor is None:
-        return found, 1.0
-    finding = Finding(
-        "wrong-vref", (),
+        return found, [], 1.0
+    evidence = (
         f"all strips' readings pile up at {factor:.4g} of Vref, each time that a contact gets there, as at the end: "
-        f"Vref is {factor * log.sensor.vref_volt:.4g} V, or the gain {factor:.4g}", {"factor": factor},
-    )  # fmt: skip
-    return [finding, *found], factor
+        f"Vref is {factor * log.sensor.vref_volt:.4g} V, or the gain {factor:.4g}"
+    )
+    if factor > _SURE_CEILING:
+        return (
+            found,
+            [Question((), ("wrong-vref",), f"{evidence}; a frame over the strips' ends does it too")],
+            1.0,
+        )
+    return [Finding("wrong-vref", (), evidence, {"factor": factor}), *found], [], factor
 
 
 def _end_level(log: Log, sigma: float) -> float | None:
     """Return the level below 1 at which all strips' readings pile up, each at its own but alike; None without one.
 
-    A contact that leaves over the end at Vref reads 1 (3.3), (3.8) all the while, whatever its length. Other contacts
-    reach the same height on all strips only if they lie straight, or are not moved along the strips.
+    A contact that leaves over the end at Vref reads 1 (3.3), (3.8) all the while, whatever its length and wherever the
+    rest of it goes. Others reach the same height on all strips only if they lie straight, or are not moved along them.
     """
     k = log.k
     top = k.get("kh", k.get("k"))
     if top is None or not log.sensor.kind.closed_form:
         return None
     lag = max(1, len(top) // _LAGS)
+    every = np.concatenate([*k.values()], axis=1)
+    step = np.abs(np.nan_to_num(every[lag:], nan=-1.0) - np.nan_to_num(every[:-lag], nan=-1.0))
+    moved = (step > max(0.01, 6.0 * sigma)).any(axis=1)
+    # A contact that is held piles up anywhere; it is put down and lifted, too.
     changed = np.zeros(len(top), dtype=bool)
-    step = np.abs(np.nan_to_num(top[lag:], nan=-1.0) - np.nan_to_num(top[:-lag], nan=-1.0))
-    changed[lag:] = (step > max(0.01, 6.0 * sigma)).any(axis=1)  # a contact that is held piles up anywhere
+    changed[lag:-lag] = moved[lag:] & moved[:-lag]
+    lowest = np.fmin.reduce(every, axis=1)
     wide = max(0.006, 2.0 * sigma)
     found, seen, tested = [], 0, 0
     scans = np.zeros(len(top), dtype=bool)  # in which a strip is at its level
@@ -136,19 +149,20 @@ def _end_level(log: Log, sigma: float) -> float | None:
         )
         if np.count_nonzero(own > level + 1.5 * wide) > _BEYOND * count[at]:
             continue
-        there = np.abs(own - level) <= wide
+        there = np.abs(own - level) <= 1.001 * wide  # of rounding
         scans[here[there]] = True
-        found.append((level, count[at] / max(below, 1.0)))
+        found.append((level, count[at] / max(below, 1.0), float(np.std(lowest[here[there]]))))
     if len(found) < max(4, _OFTEN * tested, _SEEN * seen):
         return None
-    level, pile = np.array(found).T
+    level, pile, moves = np.array(found).T
     middle = float(np.median(level))
     scatter = float(robust_sigma(level - middle))
     if not 0.4 < middle < _NO_CEILING - scatter / np.sqrt(len(level)) or scatter > _ALIKE:
         return None
     # A contact at the end of one strip is not there on the next: of all strips together.
     visits = np.count_nonzero(np.diff(np.flatnonzero(scans)) > _APART * len(top)) + 1
-    return middle if np.median(pile) > _PILE and visits >= _VISITS else None
+    surely = np.median(pile) > _PILE and np.median(moves) > _REST_MOVES and visits >= _VISITS
+    return middle if surely else None
 
 
 def common_ceiling(log: Log, sigma: float) -> Iterator[Finding]:
@@ -168,6 +182,30 @@ def common_ceiling(log: Log, sigma: float) -> Iterator[Finding]:
             )
             numbers = {"level": sign * level, "side": sign, "readings": float(at)}
             yield Finding("saturation", (), evidence, numbers)
+
+
+def single_ceilings(log: Log, sigma: float) -> Iterator[Finding]:
+    """Find channels that stop at a level of their own, where noise is cut off, too, as no contact does."""
+    if sigma < max(_RESOLVED * log.sensor.adc_step, _LEAST_RESOLVED):
+        return
+    for name, raw in log.raw.items():
+        for strip in np.flatnonzero(log.touched.any(axis=0)).tolist():
+            values = raw[log.touched[:, strip], strip]
+            values = values[np.isfinite(values)]
+            for sign, side in ((1.0, "above"), (-1.0, "below")) if len(values) >= _ENOUGH else ():
+                level = float((sign * values).max())
+                if not _ENDS < sign * level < 1.0 - _ENDS:
+                    continue
+                at, below, _ = _count_at_level(
+                    [sign * values[:, None]], level, 0.6 * log.sensor.adc_step + 1e-9, 3.0 * sigma
+                )
+                if at >= _CUT_OFF and at > 3 * below:
+                    evidence = (
+                        f"{at} readings are just {sign * level:.5g} Vref and none is {side}; noise alone would "
+                        f"spread them by {100 * sigma:.2g} %"
+                    )
+                    numbers = {"level": sign * level, "readings": float(at)}
+                    yield Finding("saturation", (strip,), evidence, numbers, name)
 
 
 def _count_at_level(values: list[FloatArray], level: float, tie: float, near: float) -> tuple[int, int, int]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.diagnose.channels import clipped, never_touched, not_moving, on_rails
-from tacstrip.diagnose.converter import common_ceiling, stuck_bits, wrong_reference
+from tacstrip.diagnose.converter import common_ceiling, single_ceilings, stuck_bits, wrong_reference
 from tacstrip.diagnose.drift import drift
 from tacstrip.diagnose.exchanged import swapped_ends, swapped_strips, swapped_wires, tied_wires
 from tacstrip.diagnose.faults import Finding, Question, Report
@@ -81,8 +82,8 @@ def diagnose(log: Log) -> Report:
     ceiling = list(common_ceiling(part, sigma))
     geometric = log.sensor.kind.closed_form
     pressed = list(pressure(part)) if geometric else []
-    reference, factor = wrong_reference(part, sigma) if not ceiling and not pressed else ([], 1.0)
-    work = working_copy(part, sigma)
+    reference, unsure, factor = wrong_reference(part, sigma) if not ceiling and not pressed else ([], [], 1.0)
+    work = working_copy(_without_strays(part), sigma)
     work.drop(*np.flatnonzero(left_out_wholly(log.sensor)).tolist())
     for name, values in work.k.items():
         beyond = [c.numbers["side"] * (values - c.numbers["level"]) > -_AT for c in ceiling]
@@ -94,6 +95,10 @@ def diagnose(log: Log) -> Report:
     rows = places(work)
     tests = () if pressed else _TESTS if geometric else (never_touched, swapped_wires)
     named = _remove_dominant(rows, tests if not ceiling else [t for t in tests if t is not clipped])
+    doubted += [
+        Question(s.finding.strips, (s.finding.fault,), s.finding.evidence) for s in named if s.doubtful
+    ]
+    named = [s for s in named if not s.doubtful]
     for suspect in named:
         suspect.repair(work)
     work.changed()
@@ -101,6 +106,9 @@ def diagnose(log: Log) -> Report:
     exchanged = {i for s in named if s.finding.fault == "swapped-strips" for i in s.finding.strips}
     loose = [f for f in loose if not exchanged & set(f.strips)]
     removed = [*pressed, *loose, *_silent_channels(part), *_merged([s.finding for s in named])]
+    if not (pressed or ceiling or reference):
+        faulty = {i for f in removed for i in f.strips}
+        removed += [f for f in single_ceilings(part, sigma) if not faulty & set(f.strips)]
     timed = places(work, max(len(part.time_s) // _TIMED, 1))
     drifting, moving, together, checked = drift(part, timed, timed.time_s)
     humming, no_hum = hum(part, sigma)
@@ -121,7 +129,7 @@ def diagnose(log: Log) -> Report:
     return Report(
         findings=tuple(sorted(findings, key=lambda f: (_WORST[f.kind.severity], f.strips))),
         notes=(*together, *_notes(log, rows, at_rest)),
-        questions=_questions(rows, known, [*doubted, *moving])
+        questions=(*unsure, *_questions(rows, known, [*doubted, *moving]))
         if geometric and not pressed and not ceiling
         else (),
         unchecked=tuple(reason for reason in unchecked if reason),
@@ -131,6 +139,15 @@ def diagnose(log: Log) -> Report:
         scans=len(log.time_s),
         strip_base=log.sensor.strip_base,
     )
+
+
+def _without_strays(log: Log) -> Log:
+    """Return the log without touches of one strip alone in one scan alone, as a stray reading makes them."""
+    if len(log.time_s) < 3 or log.sensor.rest_volt is None:
+        return log
+    touched = np.pad(log.touched, 1)
+    around = touched[1:-1, :-2] | touched[1:-1, 2:] | touched[:-2, 1:-1] | touched[2:, 1:-1]
+    return replace(log, touched=log.touched & around)
 
 
 def working_sigma(noise: NoiseEstimate) -> float:

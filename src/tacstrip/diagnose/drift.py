@@ -24,6 +24,8 @@ _DRIFT, _WANDER = (
 _TIMES = 4.0  # times what the other strips do
 _STRAIGHT = 0.7  # of the changes' variance in a line: more is drift
 _BLOCKS, _RESTS = 32, 4  # of time at rest, and untouched readings in one
+_VISIT = 5  # blocks
+_NEAR = 2  # strips to either side that a contact at the ground end covers too
 _LOOKS, _SPAN = 7, 0.6  # blocks, and the part of the recording that they span
 _JUMP = 0.01  # over Vref: an untouched reading that far from its strip's usual one is a contact that reads as rest
 _RESTLESS = 3.0  # times the other strips' changes from scan to scan: contacts that read as rest come and go
@@ -36,8 +38,10 @@ _LOOKS_BESIDE, _MOST_IN_LOOK = 9, 6  # looks, and rows of one that count
 _LEAST_CHANCE = float(np.exp(-700.0))  # that a float can hold, nearly
 _CONSTANT = 3  # numbers of a strip's constant error
 # A change stands out if it explains so much more than the next strip's does, and is certain (standard deviations).
-_GAIN, _OUTSTANDING, _CERTAIN, _SIZE = 140.0, 2.1, 2.7, 0.0025
-_GAIN_OF_LINE, _OUTSTANDING_LINE, _CERTAIN_OF_LINE = 60.0, 3.0, 3.0
+# That is held against chance on any of some 20 strips and three signals: below 1 in 10,000. Less is a question.
+_GAIN, _OUTSTANDING, _SIZE = 140.0, 2.1, 0.0025
+_GAIN_OF_LINE, _OUTSTANDING_LINE, _CERTAIN = 60.0, 3.0, 4.0
+_GAIN_ASKED, _OUTSTANDING_ASKED, _CERTAIN_ASKED = 100.0, 1.4, 2.7
 _LINE = (0.35, 0.6)  # of a change's gain that a line explains: less is wander, more drift
 _MOST_FOUND, _MOST_ASKED = 4, 2  # strips
 _MIDDLE = (np.arange(_BLOCKS) + 0.5) / _BLOCKS
@@ -85,11 +89,11 @@ def drift(
     first, seconds = float(log.time_s.min()), float(np.ptp(log.time_s))
     if seconds <= 0.0:
         return [], [], [], np.zeros(log.sensor.strips, dtype=bool)
-    level, common, rests = _levels_at_rest(log, work.order, (log.time_s - first) / seconds)
+    level, common, rests, untouched = _levels_at_rest(log, work.order, (log.time_s - first) / seconds)
     checked = np.isfinite(level).sum(axis=0) >= _LOOKS
     found = [
         f
-        for f in _outstanding_at_rest(level, work.order)
+        for f in _outstanding_at_rest(level, untouched, work.order)
         if f.fault == "drift" or not _steps(rests, int(np.flatnonzero(work.order == f.strips[0])[0]))
     ]
     notes = []
@@ -115,10 +119,9 @@ def _judged(one: _Change, strip: int) -> Finding | Question | None:
     """Return the verdict on the change that explains most, a question where it may be the contact's shape, or None."""
     stands_out = one.gain > max(_GAIN, _OUTSTANDING * one.others) and one.size > _SIZE
     in_line = one.gain_of_line > max(_GAIN_OF_LINE, _OUTSTANDING_LINE * one.others_of_line)
-    far_more = one.gain_of_line > max(1.5 * _GAIN_OF_LINE, 5.0 * one.others_of_line)
-    in_line &= (
-        one.certain_of_line > _CERTAIN_OF_LINE * (0.5 if far_more else 1.0) and abs(one.change) > _DRIFT
-    )
+    in_line &= one.certain_of_line > _CERTAIN and abs(one.change) > _DRIFT
+    perhaps = one.gain > max(_GAIN_ASKED, _OUTSTANDING_ASKED * one.others) and one.size > _SIZE
+    perhaps &= max(one.certain, one.certain_of_line) > _CERTAIN_ASKED
     straight = one.gain_of_line / max(one.gain, 1e-9)
     drifted = f"moved by {100 * one.change:+.2g} % of Vref from start to end, relative to its neighbours"
     wandered = (
@@ -128,36 +131,37 @@ def _judged(one: _Change, strip: int) -> Finding | Question | None:
         return Finding("drift", (strip,), drifted, {"change": one.change})
     if stands_out and one.certain > _CERTAIN and straight < _LINE[0]:
         return Finding("wander", (strip,), wandered, {"wander": one.size})
-    return Question((strip,), ("drift", "wander"), wandered) if stands_out else None
+    return Question((strip,), ("drift", "wander"), wandered) if stands_out or perhaps else None
 
 
-def _levels_at_rest(log: Log, order: IntArray, tau: FloatArray) -> tuple[FloatArray, float, list[FloatArray]]:
+def _levels_at_rest(
+    log: Log, order: IntArray, tau: FloatArray
+) -> tuple[FloatArray, float, list[FloatArray], FloatArray]:
     """Return untouched levels over time less those of the other strips (blocks, strips), and the change these share.
 
-    Then, by channel, the untouched readings of the strips across (scans, strips) that were used.
+    Then, by channel, the untouched readings of the strips across (scans, strips) that were used, and the levels of
+    all untouched readings, used or not (channels, blocks, strips).
 
     Of two channels, their mean. A contact at the ground end can pass for none: next to a touched strip, and where a
     neighbour's untouched reading is far from its usual one, nothing counts.
     """
     strips = log.sensor.strips
-    levels, shared, scatters, rests = [], [], [], []
+    levels, shared, scatters, rests, untouched = [], [], [], [], []
     block = np.minimum((tau * _BLOCKS).astype(int), _BLOCKS - 1)
     edges = np.searchsorted(block, np.arange(_BLOCKS + 1)) if (np.diff(block) >= 0).all() else None
     touched = log.touched[:, order]
     near = _beside(touched) | touched
     for values in log.raw.values():
         rest = np.where(touched, np.nan, values[:, order])
+        every = _block_medians(rest, block, edges)
+        every -= _columns(np.nanmean, every)
+        untouched.append(every - _columns(np.nanmedian, every.T)[:, None])
         moved = rest - _columns(np.nanmedian, rest)
         away = np.abs(moved - _columns(np.nanmedian, moved.T)[:, None]) > _JUMP
         rest = np.where(near | _beside(away), np.nan, rest)
         rests.append(rest)
         scatters.append(_columns(np.nanstd, np.diff(rest, axis=0)))
-        level = np.full((_BLOCKS, strips), np.nan)
-        for b in range(_BLOCKS):
-            part = rest[block == b] if edges is None else rest[edges[b] : edges[b + 1]]
-            enough = np.isfinite(part).sum(axis=0) >= _RESTS
-            if enough.any():
-                level[b, enough] = np.nanmedian(part[:, enough], axis=0)
+        level = _block_medians(rest, block, edges)
         level -= _columns(np.nanmean, level)
         many = np.isfinite(level).sum(axis=1) >= 3
         center = np.where(many, _columns(np.nanmedian, level.T), np.nan)
@@ -175,7 +179,18 @@ def _levels_at_rest(log: Log, order: IntArray, tau: FloatArray) -> tuple[FloatAr
         if len(there) >= _LOOKS and np.ptp(_MIDDLE[there]) >= _SPAN:
             out[there, order[place]] = median_filter(own[there, place], 3, mode="constant")
             out[there[[0, -1]], order[place]] = np.nan  # which the filter pads
-    return out, float(np.median(shared)) if shared else np.nan, rests
+    return out, float(np.median(shared)) if shared else np.nan, rests, np.stack(untouched)
+
+
+def _block_medians(rest: FloatArray, block: IntArray, edges: IntArray | None) -> FloatArray:
+    """Return the medians (blocks, strips) of readings (scans, strips) in blocks of time, NaN where there are few."""
+    level = np.full((_BLOCKS, rest.shape[1]), np.nan)
+    for b in range(_BLOCKS):
+        part = rest[block == b] if edges is None else rest[edges[b] : edges[b + 1]]
+        enough = np.isfinite(part).sum(axis=0) >= _RESTS
+        if enough.any():
+            level[b, enough] = np.nanmedian(part[:, enough], axis=0)
+    return level
 
 
 def _columns(statistic: Callable[..., FloatArray], values: FloatArray) -> FloatArray:
@@ -187,8 +202,11 @@ def _columns(statistic: Callable[..., FloatArray], values: FloatArray) -> FloatA
     return out
 
 
-def _outstanding_at_rest(level: FloatArray, order: IntArray) -> Iterator[Finding]:
-    """Yield what strips do at rest that the others do not; levels (blocks, strips) by the file's strips."""
+def _outstanding_at_rest(level: FloatArray, every: FloatArray, order: IntArray) -> Iterator[Finding]:
+    """Yield what strips do at rest that the others do not; levels (blocks, strips) by the file's strips.
+
+    `every` (channels, blocks, strips): of the strips across, the levels of all their untouched readings, used or not.
+    """
     known = np.flatnonzero(np.isfinite(level).sum(axis=0) >= _LOOKS - 2)
     if len(known) < 4:
         return
@@ -203,7 +221,10 @@ def _outstanding_at_rest(level: FloatArray, order: IntArray) -> Iterator[Finding
             if j != i and j in known
         ]
         others = np.delete(size, [row, *beside])
-        if len(others) < 2 or any(size[j] > 0.5 * size[row] for j in beside):
+        near = max(
+            (_goes_with(v[:, at], v[:, j]) for v in every for j in _around(at, len(order))), default=0.0
+        )
+        if len(others) < 2 or max(near, 0.0, *size[beside]) > 0.5 * size[row]:
             continue
         usual = max(float(np.median(others)) * _TIMES, float(np.quantile(others, 0.9)) * _TIMES / 2.0)
         change, straight = line[row]
@@ -213,10 +234,29 @@ def _outstanding_at_rest(level: FloatArray, order: IntArray) -> Iterator[Finding
             evidence = f"moved by {100 * change:+.3g} % of Vref from start to end, untouched, the others by "
             evidence += f"{100 * float(np.median(np.abs(np.delete(line[:, 0], row)))):.2g} %"
             yield Finding("drift", (i,), evidence, {"change": float(change)})
-        elif straight <= _STRAIGHT and size[row] > _WANDER:
+        elif straight <= _STRAIGHT and size[row] > _WANDER and _lasting(level[:, i]) > usual:
             evidence = f"wanders by +-{100 * size[row]:.2g} % of Vref, slowly, untouched, the others by "
             evidence += f"+-{100 * float(np.median(others)):.2g} %"
             yield Finding("wander", (i,), evidence, {"wander": float(size[row])})
+
+
+def _around(at: int, strips: int) -> list[int]:
+    """Return the places across that one contact covers with one at the ground end of this one."""
+    return [j for j in range(max(at - _NEAR, 0), min(at + _NEAR + 1, strips)) if j != at]
+
+
+def _goes_with(level: FloatArray, other: FloatArray) -> float:
+    """Return the deviation of what another strip's levels (blocks,) have in common with these."""
+    both = np.isfinite(level) & np.isfinite(other)
+    if both.sum() < _LOOKS:
+        return 0.0
+    one, two = level[both] - level[both].mean(), other[both] - other[both].mean()
+    return float(abs(one @ two) / np.sqrt(len(one) * max(float(one @ one), 1e-18)))
+
+
+def _lasting(level: FloatArray) -> float:
+    """Return the least deviation of a strip's levels (blocks,) without a visit: one contact that reads as rest."""
+    return float(min(np.nanstd(np.delete(level, slice(b, b + _VISIT))) for b in range(_BLOCKS)))
 
 
 def _steps(rests: list[FloatArray], place: int) -> bool:

@@ -81,7 +81,7 @@ class Question:
     Attributes
     ----------
     strips
-        The strips concerned, counted from 0.
+        The strips concerned, counted from 0; none: the whole sensor.
     causes
         The one or two keys of `FAULTS` that would explain the readings, the likelier one first.
     evidence
@@ -105,6 +105,10 @@ class Question:
     def ask(self, strip_base: int = 0) -> str:
         """Return the question, and what to record for an answer; strips as the readings file counts them."""
         titles = " or ".join(FAULTS[cause].title for cause in self.causes)
+        if not self.strips:
+            return (
+                f"{titles}? Push a contact over each end of the strips, until it is off, and run doctor again"
+            )
         names = " and ".join(str(i + strip_base) for i in self.strips)
         return (
             f"{titles}? Press strip {names} at three places, with the strips beside it, and run doctor again"

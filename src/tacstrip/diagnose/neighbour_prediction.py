@@ -99,11 +99,14 @@ class Suspect:
         Mean misfit that it explains, over Vref: the largest is taken first, because it disturbs its neighbours.
     repair
         Undoes it on a working copy.
+    doubtful
+        Whether a sound unit may look like this: a question, then, and no finding.
     """
 
     finding: Finding
     explained: float
     repair: Callable[[WorkingCopy], None]
+    doubtful: bool = False
 
 
 def working_copy(log: Log, sigma: float) -> WorkingCopy:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.contact.noise import Noise
 from tacstrip.diagnose.faults import Finding, Quality
 from tacstrip.diagnose.log import Log
@@ -56,14 +56,16 @@ def measure(log: Log) -> NoiseEstimate:
     strips, least = (np.full(log.sensor.strips, np.nan) for _ in range(2))
     pooled: list[FloatArray] = []
     first_order: list[float] = []
+    # How often each strip was put down on or left before: no difference spans that.
+    since = np.cumsum(np.diff(log.touched, prepend=log.touched[:1], axis=0), axis=0)
     for raw in log.raw.values():
         values = _off_rails(raw)
         relative = values - predict_from_neighbours(values, np.isfinite(values))[0]
-        here, other = (_least_deviation(values, relative, orders) for orders in (_THIRD, _OTHERS))
+        here, other = (_least_deviation(values, relative, since, orders) for orders in (_THIRD, _OTHERS))
         strips = np.fmax(strips, here)
         least = np.fmax(least, np.minimum(here, other))
         pooled.append(here)
-        first_order += _deviations(relative, 1, 3.0)
+        first_order += _deviations(relative, since, 1, 3.0)
     known = np.concatenate(pooled)
     known = known[np.isfinite(known)]
     if not len(known):
@@ -132,21 +134,25 @@ def _off_rails(values: FloatArray) -> FloatArray:
     return np.where(cut, np.nan, values)
 
 
-def _least_deviation(alone: FloatArray, relative: FloatArray, orders: dict[int, float]) -> FloatArray:
+def _least_deviation(
+    alone: FloatArray, relative: FloatArray, since: IntArray, orders: dict[int, float]
+) -> FloatArray:
     """Return each strip's least deviation (strips,) by differences of these orders, NaN where not known.
 
     `orders` has the variance of a difference over that of a reading; relative to neighbours it is 1.5 times as large.
     """
     found = [
-        _deviations(values, order, power * share)
+        _deviations(values, since, order, power * share)
         for values, share in ((alone, 1.0), (relative, 1.5))
         for order, power in orders.items()
     ]
     return np.asarray(np.fmin.reduce(found, axis=0))
 
 
-def _deviations(values: FloatArray, order: int, power: float) -> list[float]:
-    return [_deviation(d) for d in (np.diff(values, n=order, axis=0) / math.sqrt(power)).T]
+def _deviations(values: FloatArray, since: IntArray, order: int, power: float) -> list[float]:
+    steps = np.diff(values, n=order, axis=0) / math.sqrt(power)
+    steps[since[order:] != since[:-order]] = np.nan
+    return [_deviation(d) for d in steps.T]
 
 
 def _deviation(differences: FloatArray) -> float:

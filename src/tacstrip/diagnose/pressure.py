@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
 
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.diagnose.faults import Finding
@@ -19,6 +18,7 @@ _PRESS = 6  # scans
 _LEAST = (
     0.03  # over Vref: the highest reading of a contact that is looked at, and the least of a strip in contact
 )
+_CLEARLY = 0.15  # over Vref: what a contact reads at some time
 _LEAVES, _LOW = 60, 0.8  # times that contacts come to a strip or leave it; of the highest reading, then
 _SIDEWAYS, _AWAY = (
     0.1,
@@ -90,6 +90,20 @@ def _during(away: FloatArray) -> float:
     return float(np.mean(fades)) if len(fades) >= _FEWEST_PRESSES else -1.0
 
 
+def _visited(values: FloatArray) -> BoolArray:
+    """Return where strips (scans, strips) are touched by contacts that read clearly more than nothing meanwhile.
+
+    A contact at the ground end reads next to nothing, and its noise alone comes and goes.
+    """
+    there = np.ascontiguousarray((values > _LEAST).T)
+    change = np.diff(np.pad(there, ((0, 0), (1, 1))).astype(np.int8), axis=1)
+    (strip, first), last = np.nonzero(change == 1), np.nonzero(change == -1)[1]
+    out = np.zeros_like(there)
+    for i, a, b in zip(strip, first, last, strict=True):
+        out[i, a:b] = values[a:b, i].max() > _CLEARLY
+    return np.asarray(out.T)
+
+
 def _leaves_low(values: FloatArray) -> float:
     """Return how often a contact reads low on a strip that it comes to or leaves while it reads high beside it.
 
@@ -97,7 +111,7 @@ def _leaves_low(values: FloatArray) -> float:
     where contacts come and go too seldom, or read high then. Readings (scans, strips) are NaN where untouched.
     """
     values = np.nan_to_num(values)
-    there = values > _LEAST
+    there = _visited(values)
     change = np.diff(np.pad(there, ((1, 1), (0, 0))).astype(np.int8), axis=0)
     first, last = change[:-1] == 1, change[1:] == -1
     first[0], last[-1] = False, False  # not seen to come or to leave
@@ -107,5 +121,12 @@ def _leaves_low(values: FloatArray) -> float:
     top, own = float(np.quantile(values[there], 0.98)), values[scan, strip]
     if np.quantile(own, 0.9) > _LOW * top:
         return -1.0
-    beside = maximum_filter1d(values, 2 * _AWAY + 1, axis=1, mode="constant")[scan, strip]
+    beside = own.copy()
+    for side in (-1, 1):
+        same = np.ones(len(scan), dtype=bool)  # one contact: another finger may lie higher
+        for away in range(1, _AWAY + 1):
+            at = strip + side * away
+            same &= (at >= 0) & (at < values.shape[1])
+            same[same] &= there[scan[same], at[same]]
+            beside[same] = np.maximum(beside[same], values[scan[same], at[same]])
     return float(np.mean((beside > 0.5 * top) & (own < 0.5 * beside)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,6 +30,10 @@ _TIED, _SLOPE = (
     0.45,
     0.75,
 )  # times the least that other pairs differ; of the slope around, which a pair follows
+# Of a tied pair: logarithm of the odds against a pair that follows half the slope around; where that is extrapolated;
+# and the gain of a pair that is told by the bends around it. Less is a question.
+_ODDS_TIED, _ODDS, _ODDS_AT_EDGE, _BENT_SURELY = 0.5, 2.0, 20.0, 100.0
+_LOOKS, _FEWEST_LOOKS = 3, 15  # places of a pass that count: they err alike; places
 _JUMP, _RESOLVED = 0.04, 0.004  # over Vref: from the next strip; of a level
 _ONE_LEVEL = 0.06  # over Vref: offsets of two strips that read one level
 _FEW, _COMES, _OFTEN = 4, 2, 6  # places; times that the contact comes to an end; to both
@@ -106,6 +110,13 @@ def _tied_sensing(work: WorkingCopy) -> Iterator[Suspect]:
                 )
                 numbers = {"differ": float(own[pair]), "others": usual, "places": float(len(rows))}
                 best[pair] = ratio, work.suspect("short", [pair, pair + 1], evidence, numbers, usual)
+    best = {
+        pair: (
+            ratio,
+            replace(suspect, doubtful=_odds_of_flat(work, pair) < _least_odds(work, pair, _ODDS_TIED)),
+        )
+        for pair, (ratio, suspect) in best.items()
+    }
     yield from (suspect for _, suspect in best.values())
     if alike.keys() - best.keys():
         yield from _flattened(work, {pair: seen for pair, seen in alike.items() if pair not in best})
@@ -132,7 +143,46 @@ def _flattened(work: WorkingCopy, alike: Mapping[int, tuple[float, float, int]])
                 f"{bridge.gain / max(others, 1e-9):.2g} times as much as between other strips"
             )
             numbers = {"differ": own, "others": usual, "places": float(places), "gain": bridge.gain}
-            yield work.suspect("short", [strip, strip + 1], evidence, numbers, usual)
+            doubtful = bridge.gain < _BENT_SURELY or _odds_of_flat(work, strip) < _least_odds(
+                work, strip, _ODDS
+            )
+            suspect = work.suspect("short", [strip, strip + 1], evidence, numbers, usual)
+            yield replace(suspect, doubtful=doubtful)
+
+
+def _least_odds(work: WorkingCopy, strip: int, inside: float) -> float:
+    return inside if 0 < strip < work.strips - 2 else _ODDS_AT_EDGE
+
+
+def _odds_of_flat(work: WorkingCopy, strip: int) -> float:
+    """Return the logarithm of the odds that a pair differs by noise alone, and not by half the slope around it.
+
+    By what either leaves beside offset and gain, in the signature and on the side of a bridge where most speaks for
+    it; places of one pass err alike. A pair that is noisy, or flat because the contact is, does not tell: 0.
+    """
+    best, noise = 0.0, np.sqrt(2.0) * work.sigma
+    for name, values in work.k.items():
+        difference, slope = values[:, strip + 1] - values[:, strip], _slope(values, strip)
+        level = (values[:, strip + 1] + values[:, strip]) / 2.0
+        known = np.isfinite(difference) & np.isfinite(slope)
+        for height in _HEIGHTS:
+            below = level < height - _CLEAR
+            at = known & (below if SIGNATURES[name].at_upper_end else level > 1.0 - height + _CLEAR)
+            rows = np.flatnonzero(at)
+            if len(rows) < _FEWEST_LOOKS:
+                continue
+            flat, half = (_left(y[rows], level[rows]) for y in (difference, difference - slope / 2.0))
+            if flat < _NOISE * noise:
+                looks = min(len(rows), _LOOKS * passes(rows))
+                best = max(best, looks * math.log(max(half, noise) / max(flat, noise)))
+    return best
+
+
+def _left(values: FloatArray, level: FloatArray) -> float:
+    """Return how far values (places,) lie off a line of their level that gains can explain, as a deviation."""
+    values, level = values - values.mean(), level - level.mean()
+    gain = np.clip(values @ level / max(float(level @ level), 1e-9), -_GAINS, _GAINS)
+    return float(np.quantile(np.abs(values - gain * level), _MOST)) / _WIDTH
 
 
 def _slope(values: FloatArray, strip: int) -> FloatArray:

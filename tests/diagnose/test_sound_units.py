@@ -1,0 +1,53 @@
+"""The doctor on sound units of every sort: each of these recordings had a finding once, and none has one now."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from studies.sound_units import recording
+from tacstrip.diagnose import Log, diagnose
+from tacstrip.diagnose.neighbour_prediction import places, working_copy
+from tacstrip.diagnose.shorts import _odds_of_flat
+from tacstrip.sensor.spec import Sensor
+
+
+@pytest.mark.parametrize(
+    "seed",
+    [
+        6,  # slow presses: a corner on the ground end of one strip was a dead channel
+        10,  # held: so was one scan with a stray
+        17,  # over the ground end: strips that read as rest does
+        21,  # untouched: a stray was a pair of exchanged wires
+        60,  # a bar that is lifted at one height had a Vref of its own
+        139,  # a palm over the ground end felt pressure
+        143,  # two places in turn, each time a little off: drift
+        176,  # taps of three scans were noise
+    ],
+)
+def test_no_finding_on_a_sound_unit(seed: int) -> None:
+    log, _ = recording(seed)
+    assert diagnose(log).findings == ()
+
+
+def test_what_flat_pairs_look_like_is_asked_and_not_said() -> None:
+    """A round contact is flat on two strips where it is round; few passes cannot tell that from a bridge."""
+    report = diagnose(recording(196)[0])
+    assert report.healthy
+    assert [q.causes for q in report.questions] == [("short",)]
+
+
+def _pair(follows: float) -> float:
+    """Return the odds that strips 3 and 4 of 8 are tied, which follow the slope around by this much."""
+    rng, steps = np.random.default_rng(1), np.linspace(0.0, 40.0, 400)
+    slope = 0.02 * np.sin(steps * 1.7)[:, None] * (np.arange(8) - 3.5)
+    slope[:, [3, 4]] *= follows
+    kl = 0.45 + 0.3 * np.sin(steps)[:, None] + slope
+    k = {name: v + 0.001 * rng.normal(size=v.shape) for name, v in (("kl", kl), ("kh", kl + 0.1))}
+    sensor = Sensor(construction="crs-crs", strips=8, pitch_mm=5.0, length_mm=100.0)
+    return _odds_of_flat(places(working_copy(Log.of(sensor, steps, k), 0.001)), 3)
+
+
+def test_a_tied_pair_is_flat_and_a_sound_one_follows_the_slope() -> None:
+    assert _pair(0.0) > 10.0
+    assert _pair(1.0) == 0.0
