@@ -94,7 +94,10 @@ static double fit_without(Fitter *f, double sigma, Flag *out, Run *run) {
     tacstrip_residuals(&f->now, run->found + run->best, f->residuals);
     scale = spread(f);
     for (Int i = 0; i < f->all; i++) f->residuals[i] /= scale;
-    if (round == ROUNDS - 1 || !tacstrip_isolated_outliers(f->residuals, f->raw->signatures, f->raw->n, new)) break;
+    if (round == ROUNDS - 1) break;
+    Int left = readings_of(&f->now) - tacstrip_isolated_outliers(f->residuals, f->raw->signatures, f->raw->n, new);
+    /* Of corners that are told, more than the readings hold may explain them all. */
+    if (left == readings_of(&f->now) || (f->n_vertices && left < few)) break;
     for (Int i = 0; i < f->all; i++) out[i] |= new[i];
   }
   return scale;

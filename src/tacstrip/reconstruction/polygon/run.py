@@ -289,7 +289,8 @@ class _RunFitter:
             fits = fit_counts(problem, self.sigma_known, self.max_vertices, n_vertices=self.n_vertices)
             run = RunFit(problem, fits, start, out & self.there)
             new = isolated_outliers(run.residuals / run.residual_scale(self.sigma_known))
-            if not new.any():
+            # Of corners that are told, more than the readings hold may explain them all.
+            if not new.any() or (self.n_vertices is not None and problem.readings - new.sum() < few):
                 break
             out = out | new
         return run
