@@ -208,8 +208,12 @@ class Report:
         return names if finding.signature is None else f"{names}, {SIGNATURES[finding.signature].volt_column}"
 
     def without(self, finding: Finding) -> str:
-        """Return the name of the one channel that a finding is about, to leave it out; "" where it is no channel."""
-        if finding.signature is None or len(finding.strips) != 1:
+        """Return the name of the channel or strip that a finding spoils, to leave it out; "" where it is neither."""
+        if len(finding.strips) != 1:
+            return ""
+        if finding.fault == "tied-wires":  # nobody knows which of its two readings is right
+            return str(finding.strips[0] + self.strip_base)
+        if finding.signature is None:
             return ""
         return channel_name(finding.strips[0], finding.signature, self.strip_base)
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from tacstrip.arguments import takes
 from tacstrip.arrays import plain
@@ -16,6 +17,7 @@ from tacstrip.errors import ContactError
 from tacstrip.files import read_text, why_unreadable, write_text
 from tacstrip.reconstruction.result import Alternative, Pose, Reconstruction, RecoveredObject
 
+_UNKNOWN_MM = 1e4  # no sensor is as large: a deviation beyond it says that nothing is known
 _READERS = {".wkt": Contact.from_wkt, ".geojson": Contact.from_geojson, ".json": Contact.from_geojson}
 
 
@@ -139,6 +141,12 @@ def write_geojson(path: str | Path, results: Sequence[Reconstruction]) -> None:
     write_text(path, text + "\n")
 
 
+def _deviation(values: npt.ArrayLike, unknown: float = _UNKNOWN_MM) -> Any:
+    """Return standard deviations for JSON, None where they say that nothing is known."""
+    array = np.asarray(values, dtype=float)
+    return plain(np.where(array < unknown, array, np.inf))
+
+
 def _feature(recovered: RecoveredObject | None, properties: dict[str, Any]) -> dict[str, Any]:
     geometry = None
     if recovered is not None and recovered.found:
@@ -152,12 +160,12 @@ def _feature(recovered: RecoveredObject | None, properties: dict[str, Any]) -> d
         if recovered.deviations is not None:
             area, centroid, turn = recovered.deviations
             properties |= {
-                "area_sigma_mm2": plain(area),
-                "centroid_sigma_mm": plain(centroid),
-                "orientation_sigma_rad": plain(turn),
+                "area_sigma_mm2": _deviation(area, _UNKNOWN_MM**2),
+                "centroid_sigma_mm": _deviation(centroid),
+                "orientation_sigma_rad": _deviation(turn, np.pi),
             }
         if recovered.covariance is not None:
-            properties["vertex_sigma_mm"] = plain(np.sqrt(np.diag(recovered.covariance)).reshape(-1, 2))
+            properties["vertex_sigma_mm"] = _deviation(np.sqrt(np.diag(recovered.covariance)).reshape(-1, 2))
         if recovered.confidence is not None:
             properties["confidence"] = round(recovered.confidence, 4)
         if recovered.alternatives or recovered.confidence is not None:

@@ -73,8 +73,8 @@ _COUNT = (
     "take more scans"
 )
 _HARDLY_MOVED = (
-    "in {n} scans it hardly moved across the strips or turned, so that they tell little more of the shape than one: "
-    "turn the object, or slide it across the strips by more than half a pitch"
+    "its corners stay over the same strips in all {n} scans, which so tell little more of the shape than one: turn the "
+    "object further, or slide it across the strips by more than half a pitch"
 )
 _SMALL = (
     "most scans touch no more than two strips, which tell hardly more than where it lies: the outline is one of many; "

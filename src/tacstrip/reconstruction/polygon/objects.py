@@ -216,7 +216,9 @@ def _uncounted(contact: FittedContact, fit: PolygonFit, assessed: Assessment, no
         return ""
     held = f"the readings hold {fit.n_vertices} vertices, not the {given} that were given"
     if assessed.better is not None:
-        return f"{held}: of many outlines with {given} that explain them this is the one that most are like"
+        return (
+            f"{held}: many outlines with {given} explain them, and the one shown is like most of the others"
+        )
     return held + ("" if noise_given else ": with the noise given, too, they may hold more")
 
 

@@ -53,7 +53,8 @@ class Recovered:
             places.append(f"and {len(found.damage) - _MAX_DAMAGE_LISTED} places more")
         if not found.whole:
             places.append(
-                f"{found.lost_bytes} bytes of {found.total_bytes} lie after the last whole chunk"
+                f"the end of the file, and {found.lost_bytes} of its {found.total_bytes} bytes, which lie after the "
+                "last whole chunk"
                 if found.lost_bytes
                 else "the file was cut after a whole chunk"
             )
