@@ -190,6 +190,8 @@ def not_moving(work: WorkingCopy) -> Iterator[Suspect]:
     still = max(0.004, 3.0 * work.sigma)
     for name, strip, values, expected in _followed(work):
         own, predicted = _spread(values), _spread(expected)
+        if strip in (0, work.strips - 1) and _rests(work, strip, still):
+            continue
         if own <= still and np.ptp(values) <= 3.0 * still and predicted > max(_MOVES, 5.0 * own):
             level = float(np.median(values))
             near = max(_RAIL, 4.0 * work.sigma)
@@ -205,6 +207,13 @@ def not_moving(work: WorkingCopy) -> Iterator[Suspect]:
             numbers = {"level": level, "own_spread": own, "neighbours_spread": predicted}
             misfit = float(np.abs(values - expected).mean())
             yield work.suspect(fault, [strip], evidence, numbers, misfit, name if not end else None)
+
+
+def _rests(work: WorkingCopy, strip: int, still: float) -> bool:
+    """Whether both channels of a strip keep their values: an object of its own may lie still there."""
+    return len(work.k) > 1 and all(
+        _spread(values[np.isfinite(values[:, strip]), strip]) <= still for values in work.k.values()
+    )
 
 
 def _alike(values: FloatArray, strip: int) -> bool:

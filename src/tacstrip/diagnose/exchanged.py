@@ -10,7 +10,12 @@ import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.diagnose.neighbour_pairs import neighbour_pair
-from tacstrip.diagnose.neighbour_prediction import Suspect, WorkingCopy, neighbour_residuals
+from tacstrip.diagnose.neighbour_prediction import (
+    Suspect,
+    WorkingCopy,
+    neighbour_residuals,
+    predict_from_neighbours,
+)
 from tacstrip.diagnose.regression import moved_to_and_fro
 from tacstrip.robust import robust_sigma
 from tacstrip.sensor.exchanged import read_twice
@@ -88,7 +93,9 @@ def tied_wires(work: WorkingCopy) -> Iterator[Suspect]:
         return
     difference = np.abs(work.pair[0] - work.pair[1])
     (e_h, r_h), (e_l, r_l) = (neighbour_residuals(work, name) for name in ("kh", "kl"))
-    long = np.isfinite(r_h + r_l) & (e_h - e_l > max(_LONG, 10.0 * work.sigma))
+    # A contact that ends there may end in a corner, however long it is beside it.
+    inside = predict_from_neighbours(work.pair[0], work.there)[1]
+    long = inside & np.isfinite(r_h + r_l) & (e_h - e_l > max(_LONG, 10.0 * work.sigma))
     alike = difference <= max(_TIED, 3.0 * work.sigma)
     for strip in range(work.strips):
         at = long[:, strip]
