@@ -36,6 +36,18 @@ def test_an_empty_channel_is_dead_unless_the_spec_leaves_it_out(
     assert f"{channel}: left out by the spec (without)" in report.unchecked
 
 
+@pytest.mark.parametrize("level", [np.nan, 0.4])
+@pytest.mark.parametrize("strip", [0, -1])
+def test_a_channel_of_the_outermost_strip_that_reads_nothing_or_one_value(
+    strip: int, level: float, readings: dict[str, np.ndarray[tuple[int, ...], np.dtype[np.float64]]]
+) -> None:
+    raw = {name: values.copy() for name, values in readings.items()}
+    raw["kh"][:, strip] = level
+    (found,) = diagnose(Log.of(SENSOR, 0.02 * np.arange(50.0), raw)).findings
+    fault = "dead" if np.isnan(level) else "stuck"
+    assert (found.fault, found.strips, found.signature) == (fault, (strip % SENSOR.strips,), "kh")
+
+
 def test_one_signature_alone_is_no_dead_channel(
     readings: dict[str, np.ndarray[tuple[int, ...], np.dtype[np.float64]]],
 ) -> None:

@@ -211,9 +211,8 @@ def not_moving(work: WorkingCopy) -> Iterator[Suspect]:
 
 def _rests(work: WorkingCopy, strip: int, still: float) -> bool:
     """Whether both channels of a strip keep their values: an object of its own may lie still there."""
-    return len(work.k) > 1 and all(
-        _spread(values[np.isfinite(values[:, strip]), strip]) <= still for values in work.k.values()
-    )
+    own = [values[np.isfinite(values[:, strip]), strip] for values in work.k.values()]
+    return len(own) > 1 and all(len(values) and _spread(values) <= still for values in own)
 
 
 def _alike(values: FloatArray, strip: int) -> bool:
