@@ -212,3 +212,11 @@ def test_lines_and_cuts_of_a_chain() -> None:
     chain = split_chain(x, y, np.full(40, 0.1), 1.0)
     assert np.flatnonzero(chain.left_out).tolist() == [20]
     assert len(chain.stretches) == 3
+
+
+def test_a_contact_on_one_strip() -> None:
+    sensor = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=10.0, length_mm=100.0)
+    scan = ts.simulate(sensor, ts.Contact.polygon([(45, 30), (47, 30), (47, 60), (45, 60)]))
+    assert scan.touched.sum() == 1
+    (one,) = ts.pieces(scan, sensor, ts.Noise(positional=0.005))
+    assert one.status != "ok"

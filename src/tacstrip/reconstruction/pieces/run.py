@@ -87,7 +87,7 @@ class RunPieces:
         if self.count > 1 or any(len(chain.stretches) > 1 for chain in self.chains):
             return False
         wide = -self.chains[1].y - self.chains[0].y
-        return all(
+        return len(wide) > 1 and all(
             wide[end] < _NARROW * wide[beside]
             and any(chain.shed(right, self.gap) is not None for chain in self.chains)
             for right, end, beside in ((False, 0, 1), (True, -1, -2))
