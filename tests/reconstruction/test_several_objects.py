@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from shapely import Polygon, affinity
 
 import tacstrip as ts
+from polygons import DRAWN
 
 SENSOR = ts.Sensor(construction="crs-crs", strips=40, pitch_mm=2.5, length_mm=100.0)
 NOISE = ts.Noise(positional=0.002)
@@ -98,14 +101,17 @@ _TWENTY = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=5.0, length_mm=1
 _PAIR = Polygon([(20, 20), (45, 25), (30, 50)]), Polygon([(35, 60), (70, 55), (60, 80)])
 
 
-def test_a_concave_outline_of_two_triangles_is_doubted_with_both_as_the_alternative() -> None:
-    found = _fitted(*_PAIR, sensor=_TWENTY, noise=ts.Noise(positional=0.005))
+@pytest.mark.parametrize("assessment", ["none", "fast"])
+def test_a_concave_outline_of_two_triangles_is_doubted_with_both_as_the_alternative(assessment: Any) -> None:
+    noise = ts.Noise(positional=0.005)
+    scan = ts.simulate(_TWENTY, ts.Contact(_PAIR), noise, rng=1)
+    (found,) = ts.fit_polygon(scan, _TWENTY, noise, assessment=assessment).objects
     assert found.status == "doubtful"
     assert "two objects on the same strips explain the readings too" in found.advice
     likeliest = found.alternatives[0]
     assert likeliest.weight > 0.5
-    assert found.confidence is not None
-    assert found.confidence < 1.0 - likeliest.weight + 0.01
+    assert (found.confidence is not None) == (assessment == "fast" and DRAWN)
+    assert (found.confidence or 0.0) < 1.0 - likeliest.weight + 0.01
     for shown, truth in zip((likeliest.vertices, *likeliest.others), _PAIR, strict=True):
         assert Polygon(shown).difference(truth.buffer(4.0)).area < 0.02 * truth.area
         assert Polygon(shown).area > 0.4 * truth.area  # what other strips show of it

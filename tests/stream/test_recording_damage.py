@@ -100,7 +100,7 @@ def test_damaged_and_cut(good: Path, tmp_path: Path) -> None:
         "an unknown number of messages, as their index is lost too",
         3,
     ]
-    assert saved.lost[2].startswith("100 bytes of ")
+    assert saved.lost[2].startswith("the end of the file, and 100 of its ")
 
 
 def test_a_damaged_recording_is_an_error_where_it_is_read(good: Path, tmp_path: Path) -> None:

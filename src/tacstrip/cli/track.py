@@ -139,11 +139,13 @@ def _way(one: Track, seen: npt.NDArray[np.int_]) -> str:
     net, most = path[-1] - path[0], np.ptp(path, axis=0)
     spread = np.sqrt(one.pose_covariances[seen][:, range(3), range(3)]) * (1.0, 1.0, np.rad2deg(1.0))
     off = float(np.hypot(spread[0, 2], spread[-1, 2]))
+    if off > 180.0:  # a scan at the border tells no angle
+        off = float(np.sqrt(2.0) * np.nanmedian(spread[:, 2]))
     text = (
         f"its centroid moved {net[0]:.3g} mm across and {net[1]:.3g} mm along the strips from first to last"
     )
     text += f", turned {net[2]:.3g} deg"
-    if np.isfinite(off) and off > 0.0:
+    if 0.0 < off < 180.0:
         text += f" +- {off:.2g}"
     more = most > np.abs(net) + 6.0 * np.nan_to_num(np.nanmedian(spread, axis=0)) + (0.1, 0.1, 0.1)
     if more.any():

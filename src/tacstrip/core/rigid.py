@@ -232,7 +232,10 @@ def reduced(
     blocks[:, own, own] += damping * blocks[:, own, own] + LEAST
     middle = len(blocks) // 2
     blocks[middle : middle + 1, own, own] += pinned
-    inverse = np.linalg.inv(blocks)
+    try:
+        inverse = np.linalg.inv(blocks)
+    except np.linalg.LinAlgError:  # scans that do not tell all of their pose
+        inverse = np.linalg.pinv(blocks, hermitian=True)
     weighted = inverse @ found.mixed
     matrix = found.shape - np.einsum("tpc,tpd->cd", found.mixed, weighted)
     size = np.arange(len(matrix))

@@ -190,7 +190,7 @@ def not_moving(work: WorkingCopy) -> Iterator[Suspect]:
     still = max(0.004, 3.0 * work.sigma)
     for name, strip, values, expected in _followed(work):
         own, predicted = _spread(values), _spread(expected)
-        if strip in (0, work.strips - 1) and _rests(work, strip, still):
+        if _rests(work, strip, still):
             continue
         if own <= still and np.ptp(values) <= 3.0 * still and predicted > max(_MOVES, 5.0 * own):
             level = float(np.median(values))
@@ -210,7 +210,9 @@ def not_moving(work: WorkingCopy) -> Iterator[Suspect]:
 
 
 def _rests(work: WorkingCopy, strip: int, still: float) -> bool:
-    """Whether both channels of a strip keep their values: an object of its own may lie still there."""
+    """Whether both channels of an outermost strip keep their values: an object of its own may lie still there."""
+    if strip not in (0, work.strips - 1):
+        return False
     own = [values[np.isfinite(values[:, strip]), strip] for values in work.k.values()]
     return len(own) > 1 and all(len(values) and _spread(values) <= still for values in own)
 
@@ -232,6 +234,8 @@ def _alike(values: FloatArray, strip: int) -> bool:
 def clipped(work: WorkingCopy) -> Iterator[Suspect]:
     """Find channels that follow their neighbours up (or down) to a level, and no further."""
     for name, strip, own, predicted in _followed(work):
+        if _rests(work, strip, max(0.004, 3.0 * work.sigma)):
+            continue
         for sign, side in ((1.0, "above"), (-1.0, "below")):
             stop = _saturation_level(sign * own, sign * predicted, work.sigma)
             if stop is None:

@@ -29,10 +29,8 @@ _ODDS = (
 )
 _STRIPS, _SURE = 4, 5.0  # on so many strips offsets differ; standard errors of their mean
 _SHARE = 0.8  # of the places with a clear difference
-_TIED, _LONG = (
-    0.004,
-    0.04,
-)  # over Vref: what k_h and k_l of tied wires differ by, and of a contact that is long
+# Over Vref: what k_h and k_l of tied wires differ by, and of a contact that is long; places.
+_TIED, _LONG, _MANY = 0.004, 0.05, 16
 _FEW = 8  # places
 _MOVES, _ALONG = 0.2, 0.4  # over Vref, what neighbours must move; correlation
 _OFF_LINE = 0.75  # of the slope around: largest offset of two strips from the line
@@ -96,10 +94,11 @@ def tied_wires(work: WorkingCopy) -> Iterator[Suspect]:
     # A contact that ends there may end in a corner, however long it is beside it.
     inside = predict_from_neighbours(work.pair[0], work.there)[1]
     long = inside & np.isfinite(r_h + r_l) & (e_h - e_l > max(_LONG, 10.0 * work.sigma))
+    long &= (work.pair[0] > _OFFSETS) & (work.pair[1] < 1.0 - _OFFSETS)  # an open strip reads a rail twice
     alike = difference <= max(_TIED, 3.0 * work.sigma)
     for strip in range(work.strips):
         at = long[:, strip]
-        if at.sum() < _FEW or alike[at, strip].mean() < _SHARE:
+        if at.sum() < _MANY or alike[at, strip].mean() < _SHARE:
             continue
         most, predicted = float(difference[at, strip].max()), float((e_h - e_l)[at, strip].mean())
         evidence = (

@@ -117,7 +117,10 @@ def update(
     shape = replace(last.shape, strips=strips, vertices=vertices, profile=profile, covariance=covariance,
                     guarantee=None)  # fmt: skip
     moved = shape.centroid - last.shape.centroid
-    others = tuple(replace(a, vertices=a.vertices + moved) for a in last.shape.alternatives)
+    others = tuple(
+        replace(a, vertices=a.vertices + moved, others=tuple(o + moved for o in a.others))
+        for a in last.shape.alternatives
+    )
     shape = replace(shape, alternatives=others)
     freedom = max(problem.readings - _n_determined(last), 1)
     variance = cost / freedom

@@ -176,7 +176,10 @@ def reconstruct_object(
         and len(run.problem.k) == 1
         and (contact.known_count is None or assessed.better is not None)
     ):
-        wrong = ""  # outlines that the fit did not find explain the readings, and the confidence counts them
+        # Outlines that the fit did not find explain the readings, and the confidence counts them: for what it is
+        # worth where nobody knows the noise.
+        wrong = "" if noise is not None else _OTHERS.format(100.0 * run.sigma, second, averaging)
+        wrong = _uncounted(contact, fit, assessed, noise is not None) or wrong
     wrong = wrong or _uncounted(contact, fit, assessed, noise is not None)
     if area_mm2 is not None and not wrong:
         wrong = _other_area(outline, covariance, area_mm2)
@@ -184,13 +187,14 @@ def reconstruct_object(
     confidence, alternatives = None if wrong else assessed.confidence, assessed.alternatives
     if pair is not None:
         right = pair.overlap(outline.vertices) >= PROMISED_IOU
-        if confidence is not None and not right:
-            confidence *= 1.0 - pair.probability
+        one = 1.0 if right else 1.0 - pair.probability
+        sure = one if confidence is None else one * confidence
+        confidence = None if confidence is None else sure
         two = Alternative(pair.probability, pair.lower, others=(pair.upper,))
         rest = (replace(a, weight=a.weight * (1.0 - pair.probability)) for a in alternatives)
         alternatives = tuple(sorted((two, *rest), key=lambda a: -a.weight))
         if not wrong:
-            wrong, note = _two_objects(pair.probability, right, 1.0 if confidence is None else confidence)
+            wrong, note = _two_objects(pair.probability, right, sure)
             notes.insert(0, note)
     status, advice = _verdict(wrong, weak, assessed, effort, second, averaging, area_mm2 is not None)
     profile = (x, np.interp(x, *outline.lower.T), np.interp(x, *outline.upper.T))
@@ -207,6 +211,12 @@ def reconstruct_object(
         confidence=confidence,
         alternatives=alternatives,
     )
+
+
+_OTHERS = (
+    "the best outline of few corners is off by {:.2g} % of Vref, and others explain the readings too: {}, {}, or give "
+    "the noise"
+)
 
 
 def _uncounted(contact: FittedContact, fit: PolygonFit, assessed: Assessment, noise_given: bool) -> str:

@@ -148,11 +148,9 @@ def assess(
         confidence = probability(doubts(expected, run, model, corners, rounded, ends), effort)
     # Chi square of the better half of the draws; that of normal errors exceeds its mean by 3.5 deviations in .02 %.
     readings = drawn.problem.readings
-    allowed = (
-        readings + _ALARM * np.sqrt(2.0 * readings)
-        if sigma_known
-        else readings * (MOST_SIGMA / run.sigma) ** 2
-    )
+    allowed = readings + _ALARM * np.sqrt(2.0 * readings)
+    if not sigma_known:  # a fit that is off by more than any noise is no likeness, where draws are one
+        allowed = readings * (MOST_SIGMA / run.sigma) ** 2 if run.sigma > MOST_SIGMA else 0.0
     counted = drawn.weight[: len(drawn.samples.outlines)] > 0.0
     squares = drawn.samples.squares[counted] if counted.any() else drawn.samples.squares
     explained = float(np.median(squares)) < allowed
