@@ -50,6 +50,7 @@ _LEVEL = re.compile(
 _ARRAY = re.compile(r"(?<![\"\w])\[[\d\s.,;eE+\-naNuloNe]*\](?!\")")
 _BRACKETED = re.compile(r"\s*[\[({](.*)[\])}]\s*[,;]?\s*")  # a line such as "(20, [1, 2])"
 _PREFIX = re.compile(r"\s*(?:[A-Za-z]+:|-)\s+(?=[-+.\d])")  # such as "RX: " before the fields of each line
+_NAMED = re.compile(r"[^\W\d]\w*\s*[:=]")  # the name of what follows in a line
 _CHECKED = re.compile(r"\*[\dA-Fa-f]{2}\s*\Z")  # the checksum of a sentence as of NMEA
 _VALUE = r"[+-]?(?:\d+\.?\d*|\.\d+)|nan|NaN|NA|OL|-{1,3}|\."
 _PAIRED = re.compile(
@@ -173,7 +174,16 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     numbers = sum(bool(re.search(r"\d|nan", line)) for _, line in lines)
     for head, many in heads.most_common(1):
         wide = sum(len(re.split(_BETWEEN, line.strip())) > _FEW_LINES for _, line in lines) > STEADY * numbers
-        if head and many > STEADY * numbers and (wide or not meaning(head).role):
+        # It is a name, and not to be lost, where others follow it in the line, or where it says which channel.
+        others = sum(bool(_NAMED.search(line, len(head))) for _, line in lines) > (1.0 - STEADY) * numbers
+        channel = meaning(head.strip(" :")).channel in ("h", "l")
+        if (
+            head
+            and many > STEADY * numbers
+            and not others
+            and not channel
+            and (wide or not meaning(head).role)
+        ):
             lines = [(i, line.removeprefix(head)) for i, line in lines]
     if sum(bool(_R_ROW.match(line)) for _, line in lines) > _MOSTLY * len(lines):
         lines = [(i, _R_ROW.sub("", line)) for i, line in lines if not line.startswith("> ")]
