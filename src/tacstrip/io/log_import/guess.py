@@ -95,7 +95,7 @@ def settled(table: Table, read: Callable[[Table], Read]) -> Read:
                 fewest, kept = open_, error
             # A line of a form of its own may name a value that all others lack, or hide the names.
             lacks = isinstance(error, Unanswered) and "missing" in {q.key for q in error.questions}
-            if open_ == 0.0 or (one is table and table.named and open_ < np.inf and not lacks):
+            if open_ == 0.0 or one.lacking or (one is table and table.named and open_ < np.inf and not lacks):
                 break
     if fewest == np.inf and table.refused:
         raise table.refused
@@ -153,7 +153,7 @@ def assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
     try:
         return _assembled(clues)
     except (ReadingError, OptionError):
-        if any(q.key == "readings" or q.choices == ("strip",) for q in clues.questions):
+        if any(q.key == "readings" or q.choices in (("strip",), ("skip",)) for q in clues.questions):
             clues.stop()  # what is taken for likely until that is answered need not fit
         raise
 
@@ -161,6 +161,14 @@ def assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
 def _assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
     if not clues.table.rows:
         raise ReadingError("the log has no readings")
+    if (lacking := clues.table.lacking) and lacking[-1] not in clues.answers:
+        names = clues.table.names
+        clues.ask(
+            lacking[-1],
+            f"there are {len(names)} names, and no line has more than {len(names) - len(lacking)} fields: is what is "
+            f"missing {' and '.join(map(repr, lacking))}, the last? Else write in what is, or take its name out",
+            "skip",
+        )  # fmt: skip
     try:
         found = find_columns(clues)
     except Unanswered:

@@ -81,6 +81,8 @@ class Table:
         What lines that are no rows say of the codes' resolution: line, bits, what it says.
     varied
         Whether records name other strips from one to the next, as where they name only touched ones.
+    lacking
+        The last names, where there are more names than any line has fields: as if these were missing.
     """
 
     names: tuple[str, ...]
@@ -99,6 +101,7 @@ class Table:
     doubts: tuple[str, ...] = ()
     varied: bool = False
     resolutions: tuple[tuple[int, int, str], ...] = ()
+    lacking: tuple[str, ...] = ()
 
     def column(self, name: str) -> list[str]:
         """Return the fields of a column."""

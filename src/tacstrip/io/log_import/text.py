@@ -72,6 +72,9 @@ _SHELL = re.compile(
     r"\s*(?:>>> (?!\s*[-+\d.]).*|\[\d+ rows x \d+ columns\]\s*|\(?\d+ rows?(?: in set.*|\)\s*))"
 )  # around a printed DataFrame
 _R_ROW = re.compile(r"\s*\[\d+,\](?=\s)")  # before the rows of a matrix that R prints
+_REMARK_NAMES = (
+    r"notes?|remarks?|comments?|labels?|events?|bemerkung(?:en)?|notizen?|kommentare?|remarques?|notas?"
+)
 _RULE = re.compile(r"[\s\-=+|~*_:]+")  # a line drawn below names
 _SEVERAL = re.compile(r"[\d-]\s+[-+]?\d")
 _NUMBERED = re.compile(r"[A-Za-z_]+\d+\S*")  # a column's name, such as S1 or v2_h
@@ -349,7 +352,8 @@ def _separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) 
             for i, row in split
         ]
         width -= len(marks)
-    split, width, trimmed = _untrimmed(split, width)
+    split, width, lacking = _under_more_names(split, comments, width, separator)
+    split, width, trimmed = (split, width, "") if lacking else _untrimmed(split, width)
     split = _in_decimals(_below_an_index(split, width), width)
     line, top = split[0]
     if separator.isspace() and len(top) > width > 1 and all(_NUMBERED.fullmatch(name) for name in top[1:]):
@@ -382,6 +386,11 @@ def _separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) 
         )
     table = headed(split, width, decimal, tuple(filter(None, remarks)), named, above)
     table = replace(table, doubts=(*table.doubts, renamed)) if renamed else table
+    if lacking and _are_remarks(lacking) and any(is_value(r[-1 - len(lacking)], decimal) for r in table.rows):
+        said = f"no line has as many fields as line {line} has names: taken as if {', '.join(lacking)} were missing"
+        table = replace(table, doubts=(*table.doubts, said))
+    else:
+        table = replace(table, lacking=lacking)
     return _in_blocks(table, labels, blank)
 
 
@@ -425,6 +434,42 @@ def _check_commas(names: list[str], width: int, separator: str, line: int) -> No
         f"line {line} has {len(names)} names, and the lines below it {width} fields: decimal commas, and commas "
         "between fields, too? Save it with decimal points, or with semicolons between fields"
     )
+
+
+def _under_more_names(
+    split: list[tuple[int, list[str]]], comments: list[tuple[int, str]], width: int, separator: str
+) -> tuple[list[tuple[int, list[str]]], int, tuple[str, ...]]:
+    """Return rows filled up to the number of names, where these are more than any line has fields, and the last names.
+
+    Which field is missing no line tells.
+    """
+    first = next((n for n, (_, row) in enumerate(split) if sum(is_value(c, ".") for c in row) > 1), 0)
+    if separator.isspace() and separator != "\t":
+        return split, width, ()
+    above = split[:first]
+    if not any(len(row) >= width for _, row in above):
+        said = [
+            (i, _fields(line.lstrip("#%/! \t"), separator)) for i, line in comments if i < split[first][0]
+        ]
+        above = [*above, *said[-1:]]
+    top, names = above[-1] if above else (0, [])
+    wide = len(names)
+    numbers = [row for _, row in split[first:] if sum(is_value(c, ".") or is_value(c, ",") for c in row) > 1]
+    if wide <= width or not _names_columns(names) or any(len(row) >= wide for row in numbers):
+        return split, width, ()
+    if 2 * sum(m.role != "" for m in meanings(names).values()) < wide:
+        return split, width, ()
+    filled = [(i, row + [""] * (wide - len(row))) for i, row in split[first:] if row in numbers]
+    others = [(i, row) for i, row in split[first:] if row not in numbers]
+    return (
+        [*split[: first - 1 if first else 0], (top, names), *sorted([*filled, *others])],
+        wide,
+        tuple(names[width:]),
+    )
+
+
+def _are_remarks(names: Sequence[str]) -> bool:
+    return all(re.fullmatch(_REMARK_NAMES, name.strip(), re.IGNORECASE) for name in names)
 
 
 def _untrimmed(
