@@ -478,8 +478,18 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
         named = {"code"}
     unit = answer or (named.pop() if len(named) == 1 else _by_size(clues, values, vref / scale, bits, volts))
     open_unit = next((q for q in clues.questions if q.key == "unit"), None)
-    if unit == "code" or (open_unit and sensor and "code" in open_unit.choices):
+    step = (
+        0.0
+        if bits or scale != 1.0 or conversion.bits_told(clues.table, vref)
+        else conversion.step_told(clues)
+    )
+    if unit == "code" and not open_unit and 0.0 < step * values.max() <= (1.0 + _OFF_VREF) * (vref or np.inf):
+        clues.because(f"codes of {step:g} V each, as the log says")
+        mapping, scale, unit = replace(mapping, scale=step), step, "V"
+    elif unit == "code" or (open_unit and sensor and "code" in open_unit.choices and not step):
         bits = _bits(clues, values, bits)
+    if unit == "code":
+        conversion.ask_for_half(clues, values, bits)
     of_lines = unit == "code" and clues.answers.get("adc_bits") == "lines"
     how = conversion.coding(clues, bits) if unit == "code" else "unsigned"
     if not how:

@@ -68,6 +68,9 @@ _REMARKED = re.compile(
     r"(?<!\s)(?:\s+[(\[][^()\[\]]{9,}[)\]]\s*|\s{2,}\S.*|\s+(?:--|#|//)\s.*)\Z"
 )  # behind names in a comment
 _ANNOUNCED = re.compile(r"\A(?:columns?|fields?|format|header|names?|cols?|spalten)\s*[:=]\s*", re.IGNORECASE)
+_RANGE = re.compile(r"\b([A-Za-z_]+)(\d+)\s*(?:\.\.+|\u2026|-|to)\s*([A-Za-z_]*)(\d+)\b")  # such as "A0..A3"
+_SAID_OF = re.compile(r"\s+(?:=|are|:)\s.*\Z")  # what names are
+_MOST_NAMES = 1000
 _SHELL = re.compile(
     r"\s*(?:>>> (?!\s*[-+\d.]).*|\[\d+ rows x \d+ columns\]\s*|\(?\d+ rows?(?: in set.*|\)\s*))"
 )  # around a printed DataFrame
@@ -397,7 +400,7 @@ def _separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) 
 def _names_said(line: str, width: int, separator: str) -> str:
     """Return a comment without what stands around as many names as there are fields: a word before, a remark behind.
 
-    As in "# columns: t strip h l" and "# scan strip volts   (touched strips only)".
+    As in "# columns: t strip h l", "# scan strip volts   (touched strips only)" and "# t, A0..A3 = strips 1 to 4".
     """
     bare = line.lstrip("#%/! \t")
     for shorter in (
@@ -406,9 +409,21 @@ def _names_said(line: str, width: int, separator: str) -> str:
         _ANNOUNCED.sub("", bare),
         _ANNOUNCED.sub("", _REMARKED.sub("", bare)),
     ):
-        if len(_fields(shorter, separator)) == width:
+        found = _fields(shorter, separator)
+        if len(found) == width and not {*found} & {"=", ":", "->"}:
             return shorter
-    return bare
+        listed = _SAID_OF.sub("", _ANNOUNCED.sub("", _REMARKED.sub("", shorter)))
+        parts = [p.strip() for p in re.split(r"[,;]", _RANGE.sub(_in_full, listed))]
+        if len(parts) == width > _FEW_BLOCKS and all(parts) and separator not in ",;":
+            return (separator or " ").join(p.replace(" ", "_") for p in parts)
+    return "" if len(_fields(bare, separator)) == width else bare
+
+
+def _in_full(m: re.Match[str]) -> str:
+    """Return the names of a range such as "A0..A3"."""
+    first, last = int(m[2]), int(m[4])
+    many = range(first, last + 1) if first < last < first + _MOST_NAMES else ()
+    return ", ".join(f"{m[1]}{n}" for n in many) if m[3] in ("", m[1]) and many else m[0]
 
 
 def _decimal_of_quoted(rows: Sequence[Sequence[str]]) -> str:
