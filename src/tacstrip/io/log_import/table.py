@@ -350,6 +350,7 @@ def headed(
         quotes={i: " ".join(row) for i, row in below if i in broken},
         doubts=(
             *_fewer_names(split[:first], above, width),
+            *_other_units(above),
             *(f"line {i} holds bytes of 0, as of a reset: what stood there is lost" for i in sorted(garbled)),
         ),
     )  # fmt: skip
@@ -411,6 +412,22 @@ def _names(above: list[list[str]], width: int) -> list[str]:
     elif meaning(units[0]).role and not known[0]:  # a name beside units, as in "time [s], V, V"
         best = [units[0], *best[1:]]
     return [f"{n} [{u}]" if u and n and not meaning(n).unit else n for n, u in zip(best, known, strict=True)]
+
+
+def _other_units(above: list[list[str]]) -> tuple[str, ...]:
+    """Return a doubt where a line of units says another unit of a column than its name does."""
+    units = next((row for row in reversed(above) if _are_units(row)), None)
+    for row in above if units else ():
+        for name, cell in zip(row, units or (), strict=True):
+            said, own = (
+                UNITS.get(bare := cell.strip("[]() ")) or UNITS.get(bare.lower(), ""),
+                meaning(name).unit,
+            )
+            if row is not units and said and own and said != own:
+                return (
+                    f"{name!r} stands above the unit {bare!r}: taken in {own}, as the name says; is it so?",
+                )
+    return ()
 
 
 def _labelled(above: list[list[str]], names: list[str]) -> list[str]:
