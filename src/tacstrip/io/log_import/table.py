@@ -327,7 +327,9 @@ def headed(
     for n, key in enumerate(zip(names, columns, strict=True)):
         first_at.setdefault(key, n)
     again_at = {
-        n for n, key in enumerate(zip(names, columns, strict=True)) if first_at[key] < n and any(columns[n])
+        n
+        for n, key in enumerate(zip(names, columns, strict=True))
+        if first_at[key] < n and not all(not c or says_nothing(c) for c in columns[n])
     }
     if again_at:
         names = [x for n, x in enumerate(names) if n not in again_at]
