@@ -292,7 +292,9 @@ def _time(clues: Clues, known: dict[str, Meaning]) -> str:
             for n in clues.table.names
             if re.fullmatch(r"column \d+", n) and n not in (*clues.answers, *block)
         ]
-        rising = [n for n in nameless if _rises(clues.values(n))]
+        wide = clues.sensor.strips * len(clues.expected) if clues.sensor else 0
+        ends = {*nameless[:1], *nameless[-1:]} if len(nameless) != wide else set()  # else all are readings
+        rising = [n for n in nameless if n in ends and _rises(clues.values(n))]
         for n in sorted(rising, key=lambda n: _counts(clues.values(n)))[:1]:
             clues.because(f"{n}: has no name, and rises from line to line, so it is the time")
             there.append((n, True, len(set(clues.table.column(n)))))
@@ -445,7 +447,11 @@ def _by_contents(
 
 def _ask_for_block(clues: Clues, why: str, names: list[str], wide: int) -> list[str]:
     """Ask which columns are the strips; return the likeliest, with which other questions can be found."""
-    blocks = [f"{names[n]}..{names[n + wide - 1]}" for n in range(len(names) - wide + 1)]
+    at = [clues.table.places[n] for n in names]
+    starts = [
+        n for n in range(len(names) - wide + 1) if at[n + wide - 1] - at[n] == wide - 1
+    ]  # with none between
+    blocks = [f"{names[n]}..{names[n + wide - 1]}" for n in starts or range(len(names) - wide + 1)]
     shown = (blocks[-1], *blocks[:-1][:2])
     clues.ask("readings", f"{why}: which {wide} are the readings of the strips in their order?", *shown)
     return names[-wide:]
@@ -650,8 +656,10 @@ def _channels(
         clues.stop()
     many = Counter((m.strip, chosen[n]) for n, m in readings.items())
     if twice := [n for n, m in readings.items() if many[m.strip, chosen[n]] > 1]:
+        key = (readings[twice[0]].strip, chosen[twice[0]])
+        pair = [n for n in twice if (readings[n].strip, chosen[n]) == key]
         clues.ask(
-            twice[1], f"{twice[0]!r} and {twice[1]!r} look like the same channel of a strip: which is it?",
+            pair[1], f"{pair[0]!r} and {pair[1]!r} look like the same channel of a strip: which is it?",
             "skip", *(expected if len(expected) > 1 else ()),
         )  # fmt: skip
         clues.stop()

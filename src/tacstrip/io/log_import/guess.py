@@ -16,6 +16,7 @@ from tacstrip.errors import OptionError, ReadingError
 from tacstrip.io.log_import import conversion, quantities
 from tacstrip.io.log_import.columns import Columns, above, find_columns
 from tacstrip.io.log_import.doubts import raise_doubts
+from tacstrip.io.log_import.fields import is_garbled
 from tacstrip.io.log_import.mapping import ColumnMapping
 from tacstrip.io.log_import.names import meaning, meanings
 from tacstrip.io.log_import.questions import KEYS, Clues, Unanswered
@@ -116,8 +117,15 @@ def _proposed(
     table: Table, sensor: Sensor | None, answers: dict[str, str], stated: frozenset[str] | None
 ) -> Proposal:
     clues = Clues(table, sensor, answers, stated=stated)
-    mapping, _ = assembled(clues)
-    clues.stop()
+    try:
+        mapping, _ = assembled(clues)
+        clues.stop()
+    except Unanswered as error:
+        if not (strange := next((n for n in table.names if is_garbled(n)), "")):
+            raise
+        first, *others = error.questions
+        text = f"{strange!r} looks garbled: if the log is no UTF-8, save it as that first; else: {first.text}"
+        raise Unanswered(replace(first, text=text), *others) from None
     dropped: list[int] = []
     found = scans(table, mapping, dropped)
     return Proposal(
@@ -403,9 +411,14 @@ def _missing(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> str:
             clues.because(f"values that are not there are of untouched strips, as {flag} says")
             return "untouched"
         what = "values" if "lacks a value" in str(error) else "strips"
+        other = (
+            " Else name the spec that it was made with, or give those that were not connected as without in the spec"
+            if "no column is of" in str(error)
+            else ""
+        )
         clues.ask(
             "missing",
-            f"{str(error).partition(';')[0]}: are {what} that are not there untouched?",
+            f"{str(error).partition(';')[0]}: are {what} that are not there untouched?{other}",
             "untouched",
         )
         return "untouched"

@@ -133,7 +133,8 @@ def items(line: str) -> list[Item]:
                     found.append(Item("strip", (str(last_word.strip),), told=False))
                 close(words[-1] if implied else timed, told=False)
             elif not open_name:
-                timed = _WITH_TIME.search(text) or _OF_DAY.fullmatch(text)
+                behind = bool(found) and meaning(found[-1].name).role in _LABELS  # as in "Scan 3 @ 12:00:01"
+                timed = _WITH_TIME.search(text) or (behind and _OF_DAY.fullmatch(text))
                 found.append(Item("time" if timed else "", (), told=False))
             elif found[-1].values and (_EPOCH.fullmatch(text) or meaning(found[-1].name).role in _LABELS):
                 found.append(

@@ -53,7 +53,7 @@ def _without_empty(table: Table) -> Table:
 
 def _of_several_scans(table: Table) -> Table:
     """Put scans that stand beside each other in a line, each with its time before the same names, below each other."""
-    plain = [re.sub(r" \(\d+\)\Z", "", name) for name in table.names]
+    plain = [re.sub(r" \((?:column )?\d+\)\Z", "", name) for name in table.names]
     width = next((n for n in range(2, len(plain) // 2 + 1) if plain[n + 1 : 2 * n] == plain[1:n]), 0)
     if not table.named or not width or len(plain) % width:
         return table

@@ -475,7 +475,9 @@ def _joined(rows: list[list[str]]) -> list[str]:
 def _distinct(names: Sequence[str]) -> list[str]:
     names = [name or f"column {n + 1}" for n, name in enumerate(names)]
     twice = {name for name, many in Counter(names).items() if many > 1}
-    return [f"{name} ({n + 1})" if name in twice else name for n, name in enumerate(names)]
+    # The place must not be taken for a strip's number, where there is one.
+    word = {name: "column " if re.search(r"\d", name) else "" for name in twice}
+    return [f"{name} ({word[name]}{n + 1})" if name in twice else name for n, name in enumerate(names)]
 
 
 def _named(row: Sequence[str], numeric: Sequence[bool], decimal: str, usual: Set[str] = frozenset()) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bisect
+import contextlib
 import csv
 import itertools
 import re
@@ -26,7 +27,7 @@ from tacstrip.io.log_import.delimiters import (
 from tacstrip.io.log_import.dialects import of_dialect, of_displayed_scans, plain_rows
 from tacstrip.io.log_import.fields import STAMP, clock_seconds, is_value, number_of, says_nothing
 from tacstrip.io.log_import.literals import one_page, unwrapped
-from tacstrip.io.log_import.names import meaning, meanings, pair_of
+from tacstrip.io.log_import.names import OTHER_SCRIPT, meaning, meanings, pair_of
 from tacstrip.io.log_import.records import STEADY, Item, is_label, items, named_values, of_literals
 from tacstrip.io.log_import.sections import in_one_table
 from tacstrip.io.log_import.series import without_other_series
@@ -94,6 +95,8 @@ _MOSTLY = 0.6  # of the lines, where these have several fields
 _MOST_BYTES = 2**30
 _FEW_LINES = 4  # of fewer, the length of the last number tells nothing
 _FEW_BLOCKS = 2
+_ENCODINGS = ("gb18030", "big5", "shift_jis", "euc_kr", "cp1251", "koi8-r")
+_WORDS_KNOWN = 2  # of those that logs have: fewer may be there by chance
 _WORDED = re.compile(r"[^\dA-Za-z]*[A-Za-z][^\t;|]*(?<!,)\Z")  # and without fields
 _THOUSANDS = re.compile(r"(?<=\d)[\u2009\u202f\xa0](?=\d{3}(?!\d))")
 _BOUND = re.compile(r"(\d)\s?(?:\u00b1|\+/-)\s?\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?(?!\d|\s?(?:\u00b1|\+/-))")
@@ -121,7 +124,15 @@ def decoded(file: Path) -> str:
     try:
         return text.decode()
     except UnicodeDecodeError:
-        return text.decode("cp1252", errors="replace")  # of a spreadsheet on Windows
+        western = text.decode("cp1252", errors="replace")  # of a spreadsheet on Windows
+    known: dict[str, int] = {}  # text -> letters of the words in it that logs have
+    for name in _ENCODINGS:
+        with contextlib.suppress(UnicodeDecodeError):
+            other = text.decode(name)
+            words = {*OTHER_SCRIPT.findall(other)}
+            known[other] = sum(map(len, words)) if len(words) >= _WORDS_KNOWN else 0
+    best = max(known, key=lambda other: known[other], default="")
+    return best if known.get(best) else western
 
 
 def _in_utf16(raw: bytes, file: Path, name: str) -> str:
