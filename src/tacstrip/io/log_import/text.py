@@ -401,7 +401,7 @@ def _separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) 
     table = headed(split, width, decimal, tuple(filter(None, remarks)), named, above)
     table = replace(table, doubts=(*table.doubts, renamed)) if renamed else table
     if lacking and _are_remarks(lacking) and any(is_value(r[-1 - len(lacking)], decimal) for r in table.rows):
-        said = f"no line has as many fields as line {line} has names: taken as if {', '.join(lacking)} were missing"
+        said = f"no line has as many fields as there are names: taken as if {', '.join(lacking)} were missing"
         table = replace(table, doubts=(*table.doubts, said))
     else:
         table = replace(table, lacking=lacking)
@@ -469,29 +469,20 @@ def _under_more_names(
 
     Which field is missing no line tells.
     """
-    first = next((n for n, (_, row) in enumerate(split) if sum(is_value(c, ".") for c in row) > 1), 0)
     if separator.isspace() and separator != "\t":
         return split, width, ()
-    above = split[:first]
-    if not any(len(row) >= width for _, row in above):
-        said = [
-            (i, _fields(line.lstrip("#%/! \t"), separator)) for i, line in comments if i < split[first][0]
-        ]
-        above = [*above, *said[-1:]]
-    top, names = above[-1] if above else (0, [])
+    tops = [n for n, (_, row) in enumerate(split) if len(row) > width and _names_columns(row)]
+    first = tops[-1] + 1 if tops else 0
+    said = [(i, _fields(line.lstrip("#%/! \t"), separator)) for i, line in comments if i < split[0][0]]
+    top, names = split[first - 1] if tops else (said or [(0, [""])])[-1]
     wide = len(names)
     numbers = [row for _, row in split[first:] if sum(is_value(c, ".") or is_value(c, ",") for c in row) > 1]
-    if wide <= width or not _names_columns(names) or any(len(row) >= wide for row in numbers):
+    if wide <= width or not numbers or any(len(row) >= wide for row in numbers) or not _names_columns(names):
         return split, width, ()
     if 2 * sum(m.role != "" for m in meanings(names).values()) < wide:
         return split, width, ()
-    filled = [(i, row + [""] * (wide - len(row))) for i, row in split[first:] if row in numbers]
-    others = [(i, row) for i, row in split[first:] if row not in numbers]
-    return (
-        [*split[: first - 1 if first else 0], (top, names), *sorted([*filled, *others])],
-        wide,
-        tuple(names[width:]),
-    )
+    filled = [(i, row + [""] * (wide - len(row)) if row in numbers else row) for i, row in split[first:]]
+    return [*split[: max(first - 1, 0)], (top, names), *filled], wide, tuple(names[width:])
 
 
 def _are_remarks(names: Sequence[str]) -> bool:
