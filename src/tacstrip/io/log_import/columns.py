@@ -319,7 +319,7 @@ def _contradicts_the_stamps(clues: Clues, name: str, unit: str) -> bool:
     ends = [[clock_seconds(clues.table.column(CLOCK)[n]), clues.values(name)[n]] for n in (0, -1)]
     if any(v is None for row in ends for v in row):
         return False
-    (stamp, own) = (float(last) - float(first) for first, last in zip(*ends, strict=True))  # type: ignore[arg-type]
+    (stamp, own) = (float(last) - float(first) for first, last in zip(*ends, strict=True))
     stamp %= TIME_UNITS["days"]
     slack = _AS_LONG * stamp + (_LATE_S if "." in clues.table.column(CLOCK)[0] else 1.0)
     return stamp > slack and own >= 0.0 and not any(abs(own * u - stamp) < slack for u in TIME_UNITS.values())
@@ -657,9 +657,9 @@ def _channels(
     many = Counter((m.strip, chosen[n]) for n, m in readings.items())
     if twice := [n for n, m in readings.items() if many[m.strip, chosen[n]] > 1]:
         key = (readings[twice[0]].strip, chosen[twice[0]])
-        pair = [n for n in twice if (readings[n].strip, chosen[n]) == key]
+        alike = [n for n in twice if (readings[n].strip, chosen[n]) == key]
         clues.ask(
-            pair[1], f"{pair[0]!r} and {pair[1]!r} look like the same channel of a strip: which is it?",
+            alike[1], f"{alike[0]!r} and {alike[1]!r} look like the same channel of a strip: which is it?",
             "skip", *(expected if len(expected) > 1 else ()),
         )  # fmt: skip
         clues.stop()

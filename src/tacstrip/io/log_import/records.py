@@ -134,8 +134,8 @@ def items(line: str) -> list[Item]:
                 close(words[-1] if implied else timed, told=False)
             elif not open_name:
                 behind = bool(found) and meaning(found[-1].name).role in _LABELS  # as in "Scan 3 @ 12:00:01"
-                timed = _WITH_TIME.search(text) or (behind and _OF_DAY.fullmatch(text))
-                found.append(Item("time" if timed else "", (), told=False))
+                is_time = _WITH_TIME.search(text) or (behind and _OF_DAY.fullmatch(text))
+                found.append(Item("time" if is_time else "", (), told=False))
             elif found[-1].values and (_EPOCH.fullmatch(text) or meaning(found[-1].name).role in _LABELS):
                 found.append(
                     Item("time" if _EPOCH.fullmatch(text) else "", (), told=False)

@@ -192,12 +192,12 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     for head, many in heads.most_common(1):
         wide = sum(len(re.split(_BETWEEN, line.strip())) > _FEW_LINES for _, line in lines) > STEADY * numbers
         # It is a name, and not to be lost, where others follow it in the line, or where it says which channel.
-        others = sum(bool(_NAMED.search(line, len(head))) for _, line in lines) > (1.0 - STEADY) * numbers
+        name_too = sum(bool(_NAMED.search(line, len(head))) for _, line in lines) > (1.0 - STEADY) * numbers
         channel = meaning(head.strip(" :")).channel in ("h", "l")
         if (
             head
             and many > STEADY * numbers
-            and not others
+            and not name_too
             and not channel
             and (wide or not meaning(head).role)
         ):
