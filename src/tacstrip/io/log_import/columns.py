@@ -16,6 +16,7 @@ from tacstrip.io.log_import.names import (
     CHANNELS,
     IN_VOLTS,
     LENGTHS_MM,
+    TIME_UNITS,
     Meaning,
     meaning,
     meanings,
@@ -28,6 +29,10 @@ from tacstrip.io.log_import.table import CLOCK, ROW
 _ABOVE = 0.95  # of the strips: k_h is above k_l there, and so the names are clear
 _APART = 0.004  # over the largest reading: by which k_h and k_l differ, in the median
 CLOCK_BITS = (16, 32)
+_AS_LONG, _LATE_S = (
+    0.25,
+    0.1,
+)  # so far, and s, two clocks may differ, of which one is read when a line has come
 _ON_PITCH = 0.02  # of the pitch
 _STEADY, _MOSTLY = 0.5, 0.7  # so far are steps of a clock from the usual one, and so many of them
 _OFTEN = 0.2  # of the readings
@@ -287,15 +292,37 @@ def _time(clues: Clues, known: dict[str, Meaning]) -> str:
             for n in clues.table.names
             if re.fullmatch(r"column \d+", n) and n not in (*clues.answers, *block)
         ]
-        rising = [n for n in nameless if _rises(clues.values(n))]
+        wide = clues.sensor.strips * len(clues.expected) if clues.sensor else 0
+        ends = {*nameless[:1], *nameless[-1:]} if len(nameless) != wide else set()  # else all are readings
+        rising = [n for n in nameless if n in ends and _rises(clues.values(n))]
         for n in sorted(rising, key=lambda n: _counts(clues.values(n)))[:1]:
             clues.because(f"{n}: has no name, and rises from line to line, so it is the time")
             there.append((n, True, len(set(clues.table.column(n)))))
     own = [n for n, rises, _ in there if n != CLOCK and rises]
+    for name in [n for n in own if _contradicts_the_stamps(clues, n, known[n].unit)]:
+        own.remove(name)
+        there = [t for t in there if t[0] != name]
+        clues.doubt(
+            f"{name}: does not run as the times before the lines do, in no unit, so these are the time (if {name} is: "
+            f"--answer {name}=time)"
+        )
     if own:  # the device's own clock is better than a monitor's
         there = [t for t in there if t[0] != CLOCK]
     there = [t for t in there if t[2] > 1 or len(clues.table.rows) < 2] or there[:1]
     return max(there, key=lambda t: (t[0] in clues.answers, t[1], t[2]))[0] if there else ""
+
+
+def _contradicts_the_stamps(clues: Clues, name: str, unit: str) -> bool:
+    """Return whether a column of no known unit, such as T, spans in none what the times before the lines do."""
+    if unit in TIME_UNITS or CLOCK not in clues.table.names or name in clues.answers:
+        return False
+    ends = [[clock_seconds(clues.table.column(CLOCK)[n]), clues.values(name)[n]] for n in (0, -1)]
+    if any(v is None for row in ends for v in row):
+        return False
+    (stamp, own) = (float(last) - float(first) for first, last in zip(*ends, strict=True))
+    stamp %= TIME_UNITS["days"]
+    slack = _AS_LONG * stamp + (_LATE_S if "." in clues.table.column(CLOCK)[0] else 1.0)
+    return stamp > slack and own >= 0.0 and not any(abs(own * u - stamp) < slack for u in TIME_UNITS.values())
 
 
 def _is_clock(fields: list[str]) -> bool:
@@ -420,7 +447,11 @@ def _by_contents(
 
 def _ask_for_block(clues: Clues, why: str, names: list[str], wide: int) -> list[str]:
     """Ask which columns are the strips; return the likeliest, with which other questions can be found."""
-    blocks = [f"{names[n]}..{names[n + wide - 1]}" for n in range(len(names) - wide + 1)]
+    at = [clues.table.places[n] for n in names]
+    starts = [
+        n for n in range(len(names) - wide + 1) if at[n + wide - 1] - at[n] == wide - 1
+    ]  # with none between
+    blocks = [f"{names[n]}..{names[n + wide - 1]}" for n in starts or range(len(names) - wide + 1)]
     shown = (blocks[-1], *blocks[:-1][:2])
     clues.ask("readings", f"{why}: which {wide} are the readings of the strips in their order?", *shown)
     return names[-wide:]
@@ -625,8 +656,10 @@ def _channels(
         clues.stop()
     many = Counter((m.strip, chosen[n]) for n, m in readings.items())
     if twice := [n for n, m in readings.items() if many[m.strip, chosen[n]] > 1]:
+        key = (readings[twice[0]].strip, chosen[twice[0]])
+        alike = [n for n in twice if (readings[n].strip, chosen[n]) == key]
         clues.ask(
-            twice[1], f"{twice[0]!r} and {twice[1]!r} look like the same channel of a strip: which is it?",
+            alike[1], f"{alike[0]!r} and {alike[1]!r} look like the same channel of a strip: which is it?",
             "skip", *(expected if len(expected) > 1 else ()),
         )  # fmt: skip
         clues.stop()

@@ -7,6 +7,9 @@ import math
 import re
 from collections.abc import Collection
 
+import numpy as np
+
+from tacstrip.arrays import FloatArray
 from tacstrip.io.log_import.questions import Clues
 from tacstrip.io.log_import.table import Table
 
@@ -39,6 +42,9 @@ _STEP = re.compile(
 )
 _PREFIXES = {"": 1.0, "m": 1e-3, "u": 1e-6, "\u00b5": 1e-6}
 _NEAR = 0.02  # relative
+_USUAL = (8, 10, 12, 14, 16, 18, 20, 24)  # bits
+_NOISE = 2e-3  # of half of full scale
+_OFTEN, _SELDOM = 0.1, 0.01  # of the readings
 
 
 def factor(clues: Clues) -> float:
@@ -157,6 +163,30 @@ def ask_for_step(clues: Clues, bits: int, vref: float) -> None:
                 "must readings be multiplied (1: as the spec says)?",
                 f"{step / own:.6g}", "1",
             )  # fmt: skip
+
+
+def step_told(clues: Clues) -> float:
+    """Return the volts of one code, where the log says them, and nobody the converter's resolution; else 0."""
+    steps = {round(volts, 12) for _, volts in _steps_told(clues.table)}
+    return steps.pop() if len(steps) == 1 and "scale" not in clues.answers else 0.0
+
+
+def ask_for_half(clues: Clues, values: FloatArray, bits: int) -> None:
+    """Ask how codes are to be taken where many stay at half of full scale and none below, so that this may be 0 V."""
+    if "coding" in clues.answers or clues.sensor is None:
+        return
+    for half in [2.0 ** (b - 1) for b in ((bits,) if bits else _USUAL)]:
+        noise = max(2.0, _NOISE * half)
+        at, below = np.abs(values - half) <= noise, values < half - noise
+        if at.mean() > _OFTEN and below.mean() < _SELDOM and not at.all():
+            clues.ask(
+                "coding",
+                f"{100.0 * at.mean():.0f} % of the codes are {half:g} or near it, half of full scale of "
+                f"{math.log2(half) + 1.0:g} bits, and none is below: is that 0 V (offset), or are codes from 0 to Vref "
+                "(unsigned)?",
+                "offset", "unsigned",
+            )  # fmt: skip
+            return
 
 
 def _steps_told(table: Table) -> list[tuple[str, float]]:

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from tacstrip.errors import ReadingError
-from tacstrip.io.log_import.fields import number_of
+from tacstrip.io.log_import.fields import clock_seconds, number_of
 from tacstrip.io.log_import.mapping import ColumnMapping
 from tacstrip.io.log_import.names import TIME_UNITS, meanings, unknown_unit
 from tacstrip.io.log_import.questions import Clues
@@ -37,7 +37,7 @@ _ATTENUATED = re.compile(
     re.IGNORECASE,
 )
 _LONGEST = 100  # characters of a comment that are quoted
-_NO_FACTOR = 1.5  # times: clocks that differ by less may drift, or begin and end at other lines
+_DRIFT = 0.05  # of the time: clocks that differ by less may drift
 
 
 def raise_doubts(clues: Clues, mapping: ColumnMapping) -> None:
@@ -171,24 +171,27 @@ def _attenuated(clues: Clues) -> None:
 
 
 def _two_clocks(clues: Clues, mapping: ColumnMapping) -> None:
-    """Doubt the time where another column is a time, too, in a unit that it names, and runs at another rate."""
+    """Doubt the time where another column is a time, too, of day or in a known unit, and runs at another rate."""
     if not mapping.time or not mapping.time_unit:
         return
     own = raw_times(clues.table, mapping)
-    span = (own[-1] - own[0]) * TIME_UNITS.get(mapping.time_unit, 1.0)
+    unit = TIME_UNITS.get(mapping.time_unit, 1.0)
+    span = (own[-1] - own[0]) * unit
+    steps = np.diff(own)
+    step = float(np.median(steps[steps > 0.0])) * unit if (steps > 0.0).any() else 0.0
     for name, said in meanings(clues.table.names).items():
-        if (
-            said.role != "time"
-            or name == mapping.time
-            or name in clues.answers
-            or said.unit not in TIME_UNITS
-        ):
+        if said.role != "time" or name == mapping.time or name in clues.answers:
             continue
-        first, last = (clues.values(name)[n] for n in (0, -1))
-        if first is None or last is None:
+        first, last = (clues.table.column(name)[n] for n in (0, -1))
+        ends = [
+            clock_seconds(t) if (v := number_of(t, clues.table.decimal)) is None else v for t in (first, last)
+        ]
+        of_day = number_of(first, clues.table.decimal) is None
+        if None in ends or (said.unit not in TIME_UNITS and not of_day):
             continue
-        other = (last - first) * TIME_UNITS[said.unit]
-        if span > 0.0 and other > 0.0 and not 1.0 / _NO_FACTOR < other / span < _NO_FACTOR:
+        other = (float(ends[1] or 0.0) - float(ends[0] or 0.0)) * (1.0 if of_day else TIME_UNITS[said.unit])
+        slack = _DRIFT * span + step + (1.0 if of_day and not re.search(r"[.,]\d", first) else 0.0)
+        if span > 0.0 and other > 0.0 and abs(other - span) > slack:
             clues.doubt(
                 f"{mapping.time!r} rises by {span:g} s over the log, and {name!r} by {other:g} s: {mapping.time!r} is "
                 f"taken; else --answer {name!r}=time"

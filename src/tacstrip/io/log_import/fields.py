@@ -26,6 +26,7 @@ _MEASURED = re.compile(
 )
 _OVER = re.compile(r"[+-]?9\.9[01]?0*[eE]\+?37(?:\s?V)?")  # what SCPI instruments send above their range
 _DAY_S = 86400.0
+_GARBLED_RUN = 2.5  # letters beyond ASCII next to each other, in the mean
 _GROUPED = re.compile(r"(?<=\d)[ '\u2009\u202f\xa0](?=\d{3}(?!\d))")
 _OF_DAY = r"(?P<h>\d{1,2}):(?P<m>\d\d):(?P<s>\d\d(?:[.,]\d+|:\d{3,6})?)\s*(?P<half>[AaPp]\.?[Mm]\.?)?"
 _DATE = (
@@ -255,3 +256,15 @@ def _days(year: int, month: str, day: int) -> float | None:
         return float(date(year, number, day).toordinal() - date(1970, 1, 1).toordinal())
     except ValueError:
         return None
+
+
+def is_garbled(text: str) -> bool:
+    """Return whether a text is one of another script that was decoded as Western: its letters stand in runs.
+
+    Examples
+    --------
+    >>> is_garbled("\u00b8\u00df\u00b6\u00cb\u00b5\u00e7(V)"), is_garbled("Spannung \u00fcber R\u00f6hre [\u00b5V]")
+    (True, False)
+    """
+    runs = re.findall("[\x80-\xff\u0152-\u02dc\u2013-\u20ac\u2122\ufffd]+", text)
+    return any(len(r) > 2 for r in runs) and sum(map(len, runs)) >= _GARBLED_RUN * len(runs)

@@ -16,6 +16,7 @@ from tacstrip.errors import OptionError, ReadingError
 from tacstrip.io.log_import import conversion, quantities
 from tacstrip.io.log_import.columns import Columns, above, find_columns
 from tacstrip.io.log_import.doubts import raise_doubts
+from tacstrip.io.log_import.fields import is_garbled
 from tacstrip.io.log_import.mapping import ColumnMapping
 from tacstrip.io.log_import.names import meaning, meanings
 from tacstrip.io.log_import.questions import KEYS, Clues, Unanswered
@@ -95,7 +96,7 @@ def settled(table: Table, read: Callable[[Table], Read]) -> Read:
                 fewest, kept = open_, error
             # A line of a form of its own may name a value that all others lack, or hide the names.
             lacks = isinstance(error, Unanswered) and "missing" in {q.key for q in error.questions}
-            if open_ == 0.0 or (one is table and table.named and open_ < np.inf and not lacks):
+            if open_ == 0.0 or one.lacking or (one is table and table.named and open_ < np.inf and not lacks):
                 break
     if fewest == np.inf and table.refused:
         raise table.refused
@@ -116,8 +117,15 @@ def _proposed(
     table: Table, sensor: Sensor | None, answers: dict[str, str], stated: frozenset[str] | None
 ) -> Proposal:
     clues = Clues(table, sensor, answers, stated=stated)
-    mapping, _ = assembled(clues)
-    clues.stop()
+    try:
+        mapping, _ = assembled(clues)
+        clues.stop()
+    except Unanswered as error:
+        if not (strange := next((n for n in table.names if is_garbled(n)), "")):
+            raise
+        first, *others = error.questions
+        text = f"{strange!r} looks garbled: if the log is no UTF-8, save it as that first; else: {first.text}"
+        raise Unanswered(replace(first, text=text), *others) from None
     dropped: list[int] = []
     found = scans(table, mapping, dropped)
     return Proposal(
@@ -153,7 +161,7 @@ def assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
     try:
         return _assembled(clues)
     except (ReadingError, OptionError):
-        if any(q.key == "readings" or q.choices == ("strip",) for q in clues.questions):
+        if any(q.key == "readings" or q.choices in (("strip",), ("skip",)) for q in clues.questions):
             clues.stop()  # what is taken for likely until that is answered need not fit
         raise
 
@@ -161,6 +169,14 @@ def assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
 def _assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
     if not clues.table.rows:
         raise ReadingError("the log has no readings")
+    if (lacking := clues.table.lacking) and lacking[-1] not in clues.answers:
+        names = clues.table.names
+        clues.ask(
+            lacking[-1],
+            f"there are {len(names)} names, and no line has more than {len(names) - len(lacking)} fields: is what is "
+            f"missing {' and '.join(map(repr, lacking))}, the last? Else write in what is, or take its name out",
+            "skip",
+        )  # fmt: skip
     try:
         found = find_columns(clues)
     except Unanswered:
@@ -395,9 +411,14 @@ def _missing(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> str:
             clues.because(f"values that are not there are of untouched strips, as {flag} says")
             return "untouched"
         what = "values" if "lacks a value" in str(error) else "strips"
+        other = (
+            " Else name the spec that it was made with, or give those that were not connected as without in the spec"
+            if "no column is of" in str(error)
+            else ""
+        )
         clues.ask(
             "missing",
-            f"{str(error).partition(';')[0]}: are {what} that are not there untouched?",
+            f"{str(error).partition(';')[0]}: are {what} that are not there untouched?{other}",
             "untouched",
         )
         return "untouched"

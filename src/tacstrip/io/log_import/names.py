@@ -78,7 +78,7 @@ _TRANSLATED = {
     }.items()
     for word in alike.split()
 }
-_OTHER_SCRIPT = re.compile("|".join(sorted(_TRANSLATED, key=len, reverse=True)))
+OTHER_SCRIPT = re.compile("|".join(sorted(_TRANSLATED, key=len, reverse=True)))
 UNITS = {
     word: unit
     for unit, alike in {
@@ -146,6 +146,7 @@ LENGTHS_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 
 _MOST_STRIPS = 99999  # a larger number in a name is none of a strip
 _CALLED_K = re.compile(r"(?:strip|s)?[\W\d_]*k[\W\d_]*(?:h|l|hi|lo|high|low)?[\W\d_]*", re.IGNORECASE)
+_PLACE = re.compile(r" \(column \d+\)\Z")  # of one of several columns of a name
 _NAMELESS = re.compile(r"column \d+")  # what a log without names is given
 
 
@@ -430,7 +431,7 @@ def _singular(word: str) -> str:
 @lru_cache(maxsize=2**16)
 def _tokens(name: str) -> tuple[list[str], str]:
     """Return a name's words and numbers in lower case, and the unit in brackets, after a slash, or last."""
-    name = _OTHER_SCRIPT.sub(lambda m: _TRANSLATED[m[0]], name)
+    name = OTHER_SCRIPT.sub(lambda m: _TRANSLATED[m[0]], _PLACE.sub("", name))
     plain = "".join(c for c in unicodedata.normalize("NFKD", name) if not unicodedata.combining(c))
     plain = re.sub(r"\u00b1|\+/-", " plusminus ", plain.replace("\u03bc", "\u00b5"))
     unit = ""

@@ -187,20 +187,28 @@ def settled_time(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
         if step and _RATES_HZ[0] <= 1.0 / (step * TIME_UNITS[u]) <= _RATES_HZ[1]
     ]
     strange = unknown_unit(mapping.time)
-    if (
-        len(fits) > 1
-        and not strange
-        and len(told := [u for u in fits if _is_told(clues, mapping.time, u, step)]) == 1
-    ):
+    if rate and step:  # which tells the unit, or that the column is no time
+        told = [u for u in ("s", "ms", "us") if _is_rate(step * TIME_UNITS[u], rate)]
+        if not told:
+            clues.doubt(
+                f"{mapping.time!r} rises by {step:g} from scan to scan, which is {rate:g} scans per second in no unit: "
+                "it is passed over"
+            )
+            return replace(mapping, time="", time_unit="s", time_bits=0, rate_hz=rate)
+        clues.because(f"{mapping.time} is in {told[0]}, at {rate:g} scans per second")
+        return replace(mapping, time_unit=told[0])
+    if fits and not strange and len(told := [u for u in fits if _is_told(clues, mapping.time, u, step)]) == 1:
         clues.because(f"{mapping.time} is in {told[0]}, as a line above says")
         return replace(mapping, time_unit=told[0])
     if len(fits) == 1 and not strange:
+        if fits != ["days"] and step == round(step):  # which may count the ticks of any clock
+            clues.doubt(
+                f"{mapping.time} rises by {step:g} from scan to scan, and nothing says its unit: taken as {fits[0]}, "
+                f"so {1.0 / (step * TIME_UNITS[fits[0]]):g} scans per second; else --answer rate_hz=... or time_unit=us"
+            )
         clues.because(f"{mapping.time} is in {fits[0]}: it rises by {step:g} from scan to scan")
         return replace(mapping, time_unit=fits[0])
     counts = step == 1.0 and set(steps.tolist()) == {1.0}
-    if counts and rate:
-        clues.because(f"{mapping.time}: counts the scans")
-        return replace(mapping, time="", time_unit="s", time_bits=0, rate_hz=rate)
     clues.ask(
         "time_unit",
         f"{mapping.time} rises by {step:g} from scan to scan: in which unit?"
@@ -470,8 +478,18 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
         named = {"code"}
     unit = answer or (named.pop() if len(named) == 1 else _by_size(clues, values, vref / scale, bits, volts))
     open_unit = next((q for q in clues.questions if q.key == "unit"), None)
-    if unit == "code" or (open_unit and sensor and "code" in open_unit.choices):
+    step = (
+        0.0
+        if bits or scale != 1.0 or conversion.bits_told(clues.table, vref)
+        else conversion.step_told(clues)
+    )
+    if unit == "code" and not open_unit and 0.0 < step * values.max() <= (1.0 + _OFF_VREF) * (vref or np.inf):
+        clues.because(f"codes of {step:g} V each, as the log says")
+        mapping, scale, unit = replace(mapping, scale=step), step, "V"
+    elif unit == "code" or (open_unit and sensor and "code" in open_unit.choices and not step):
         bits = _bits(clues, values, bits)
+    if unit == "code":
+        conversion.ask_for_half(clues, values, bits)
     of_lines = unit == "code" and clues.answers.get("adc_bits") == "lines"
     how = conversion.coding(clues, bits) if unit == "code" else "unsigned"
     if not how:

@@ -22,6 +22,7 @@ _LABELS = frozenset({"time", "scan", "strip", "which"})
 _FEW_KINDS = 0.5  # of the records: as many name the same values, or all do as they like
 _COMMA = re.compile(r"(?<![\d,.:])\d+,\d+(?![\d,.])")
 _WITH_TIME = re.compile(r"\d\s?(?:[mu]?s|min)\Z")
+_OF_DAY = re.compile(r"(?:[\d-]+[ T])?\d{1,2}:\d\d:\d\d(?:[.,]\d+)?")
 _EPOCH = re.compile(r"1\d{9}(?:\.\d+|\d{3}|\d{6}|\d{9})?")  # since 1970
 _ENDED = re.compile(r"\s*(?:[,;|/)]|\Z|\S*[A-Za-z]\S*\s*[:=])")  # behind a value: a mark, or the next name
 _STRIP_NAMED = re.compile(r"(\D*?)(\d+)(.*)\Z")  # a name with a strip's number in it
@@ -132,7 +133,9 @@ def items(line: str) -> list[Item]:
                     found.append(Item("strip", (str(last_word.strip),), told=False))
                 close(words[-1] if implied else timed, told=False)
             elif not open_name:
-                found.append(Item("time" if _WITH_TIME.search(text) else "", (), told=False))
+                behind = bool(found) and meaning(found[-1].name).role in _LABELS  # as in "Scan 3 @ 12:00:01"
+                is_time = _WITH_TIME.search(text) or (behind and _OF_DAY.fullmatch(text))
+                found.append(Item("time" if is_time else "", (), told=False))
             elif found[-1].values and (_EPOCH.fullmatch(text) or meaning(found[-1].name).role in _LABELS):
                 found.append(
                     Item("time" if _EPOCH.fullmatch(text) else "", (), told=False)

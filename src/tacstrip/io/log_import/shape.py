@@ -31,8 +31,8 @@ def in_normal_form(table: Table) -> Table:
     two, merged cells are filled, a column that only counts the rows is left out, and columns of scans become rows.
     """
     steps: tuple[Callable[[Table], Table], ...] = (
-        _without_empty, _of_day_and_clock, _of_one_clock, _of_two_numbers, _transposed, _spread, _without_units,
-        _of_unit_column, _in_one_unit, _upright, _split_keys, _filled, _without_index,
+        _without_empty, _of_several_scans, _of_day_and_clock, _of_one_clock, _of_two_numbers, _transposed, _spread,
+        _without_units, _of_unit_column, _in_one_unit, _upright, _split_keys, _filled, _without_index,
     )  # fmt: skip
     for step in steps:
         table = step(table) if table.rows else table
@@ -49,6 +49,31 @@ def _without_empty(table: Table) -> Table:
     columns = {n: table.column(n) for n in table.names}
     kept = {n: f for n, f in columns.items() if any(f) or not re.fullmatch(r"column \d+", n)}
     return _with(table, kept) if table.named and 0 < len(kept) < len(columns) else table
+
+
+def _of_several_scans(table: Table) -> Table:
+    """Put scans that stand beside each other in a line, each with its time before the same names, below each other."""
+    plain = [re.sub(r" \((?:column )?\d+\)\Z", "", name) for name in table.names]
+    width = next((n for n in range(2, len(plain) // 2 + 1) if plain[n + 1 : 2 * n] == plain[1:n]), 0)
+    if not table.named or not width or len(plain) % width:
+        return table
+    starts = range(0, len(plain), width)
+    times = [meaning(re.sub(r"(?<=[^\W\d_])_?\d+(?=_|\b)", "", plain[n], count=1)) for n in starts]
+    if any(plain[n + 1 : n + width] != plain[1:width] for n in starts):
+        return table
+    if any(m.role != "time" or m.unit != times[0].unit for m in times):
+        return table
+    rows = [row[n : n + width] for row in table.rows for n in starts]
+    at = [number_of(row[0], table.decimal) for row in rows]
+    if any(a is None or b is None or b <= a for a, b in itertools.pairwise(at)):
+        return table
+    lines = [line for line in table.lines for _ in starts]
+    name = f"time [{times[0].unit}]" if times[0].unit else "time"
+    said = (
+        *table.remarks,
+        f"{', '.join(plain[n] for n in starts)}: {len(starts)} scans in each line, one after another",
+    )
+    return replace(table, names=(name, *plain[1:width]), rows=rows, lines=lines, remarks=said)
 
 
 def _of_day_and_clock(table: Table) -> Table:
@@ -110,17 +135,35 @@ def _of_two_numbers(table: Table) -> Table:
 
 
 def _transposed(table: Table) -> Table:
-    """Turn a table whose lines begin with their names, each of other values than the next."""
-    names = table.column(table.names[0])
+    """Turn a table whose lines begin with their names, perhaps of several fields, each of other values."""
+    joined = _with_labels_in_one(table)
+    names = joined.column(joined.names[0])
     roles = [meaning(name).role for name in names]
-    if table.named or len(table.names) < 3 or not all(roles) or any(number_of(n) is not None for n in names):
+    if table.named or len(joined.names) < 3 or not all(roles) or any(number_of(n) is not None for n in names):
         return table
     if len(set(names)) < len(names) or len(names) < 2 or "reading" not in roles:
         return table
-    rows = [list(row) for row in zip(*(row[1:] for row in table.rows), strict=True)]
+    rows = [list(row) for row in zip(*(row[1:] for row in joined.rows), strict=True)]
     told = (*table.remarks, "the first field of each line is its name, so scans are columns")
     lines = [table.lines[0]] * len(rows)
     return replace(table, names=tuple(names), rows=rows, lines=lines, named=True, remarks=told)
+
+
+def _with_labels_in_one(table: Table) -> Table:
+    """Join the words with which lines begin, as "V_H [V]" and "strip 3", where the first line is of times."""
+    top = table.rows[0]
+    first = next((n for n, cell in enumerate(top) if number_of(cell, table.decimal) is not None), 0)
+    times = [number_of(cell, table.decimal) for cell in top[first:]]
+    if table.named or first < 2 or meaning(top[0]).role != "time" or len(times) < 2 or None in times:
+        return table
+    if any(b <= a for a, b in itertools.pairwise(times)):  # type: ignore[operator]
+        return table
+    labels = [row[:first] for row in table.rows[1:]]
+    if any(not cell or number_of(cell) is not None for row in labels for cell in row):
+        return table
+    joined = [top[0], *(" ".join(row) for row in labels)]
+    rows = [[name, *row[first:]] for name, row in zip(joined, table.rows, strict=True)]
+    return replace(table, names=(table.names[0], *table.names[first:]), rows=rows)
 
 
 def _in_one_unit(table: Table) -> Table:

@@ -25,6 +25,10 @@ _TAGGED = re.compile(
     r"\s*(?:[EWIDV] \(\d+\) |(?:[\d:.,T/-]+ ){0,2}(?:- )?\[?(?:TRACE|DEBUG|INFO|WARN|WARNING|ERROR)\]?[ :-]+)"
     r"([A-Za-z][\w.-]*): "
 )
+_LEVELLED = re.compile(
+    r"\s*(?:\[?[\d:.,T/-]+\]?\s+){0,2}(?:[-|]\s)?[\[(]?(TRACE|DEBUG|VERBOSE|INFO|NOTICE|WARN|WARNING|ERROR|FATAL|CRITICAL)"
+    r"[\])]?[\s:|-]+(?:[A-Za-z][\w.-]*: )?"
+)
 _OTHER_TOPICS = 0.5  # times the lines of the commonest path: others are of something else
 _OFTEN, _FEW = 3, 0.05  # lines, and part of all lines, that have a form in common: fewer of one are strays
 _MOST = 0.25  # of all lines: more strays are no strays
@@ -92,13 +96,40 @@ def without_messages(text: str) -> tuple[str, str]:
     >>> without_messages("I (1) TACT: 5\nW (2) wifi: up 3\nI (3) TACT: 6\nI (4) TACT: 6")[0].split("\n")[1]
     ''
     """
+    text, foreign = _without_foreign(text)
     found = {n: m for n, line in numbered(text) if (m := _TAGGED.match(line))}
     tags = Counter(m[1] for m in found.values()).most_common(1)
     if not tags or tags[0][1] < _OFTEN or 2 * tags[0][1] <= len(found):
-        return text, ""
+        return text, foreign
     out = frozenset(n for n, m in found.items() if m[1] != tags[0][0])
     said = f"line(s) {', '.join(map(str, sorted(out)[:_SHOWN]))}: of another tag than {tags[0][0]!r}; passed over"
-    return (without(text, out), said) if out else (text, "")
+    return (without(text, out), "; ".join(filter(None, [said, foreign]))) if out else (text, foreign)
+
+
+def _without_foreign(text: str) -> tuple[str, str]:
+    """Return a logger's text without lines of another level, or without any, that share no word with the readings.
+
+    As warnings and what a program prints as it fails. Lines above the readings stay, for they may say what those are.
+    """
+    lines = [(n, line) for n, line in numbered(text) if line.strip()]
+    found = {n: m for n, line in lines if (m := _LEVELLED.match(line))}
+    bodies = {n: line[found[n].end() :] if n in found else line for n, line in lines}
+    words = {n: {*_WORD.findall(body)} for n, body in bodies.items()}
+    forms = Counter((found[n][1], form_of(bodies[n])) for n in found if words[n]).most_common(1)
+    if not forms or forms[0][1] < _OFTEN or 2 * forms[0][1] <= len(found):
+        return text, ""
+    (level, form), _ = forms[0]
+    first = next(n for n in found if (found[n][1], form_of(bodies[n])) == (level, form))
+    usual = words[first]
+    out = frozenset(
+        n for n, _ in lines
+        if n > first and words[n] and not words[n] & usual and (n not in found or found[n][1] != level)
+    )  # fmt: skip
+    if not out or 2 * len(out) > len(lines):
+        return text, ""
+    return without(
+        text, out
+    ), f"{_quoted(sorted(out), dict(lines))}: messages among the readings, passed over"
 
 
 def without(text: str, lines: frozenset[int]) -> str:

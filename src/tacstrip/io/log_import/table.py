@@ -81,6 +81,8 @@ class Table:
         What lines that are no rows say of the codes' resolution: line, bits, what it says.
     varied
         Whether records name other strips from one to the next, as where they name only touched ones.
+    lacking
+        The last names, where there are more names than any line has fields: as if these were missing.
     """
 
     names: tuple[str, ...]
@@ -99,6 +101,7 @@ class Table:
     doubts: tuple[str, ...] = ()
     varied: bool = False
     resolutions: tuple[tuple[int, int, str], ...] = ()
+    lacking: tuple[str, ...] = ()
 
     def column(self, name: str) -> list[str]:
         """Return the fields of a column."""
@@ -324,7 +327,9 @@ def headed(
     for n, key in enumerate(zip(names, columns, strict=True)):
         first_at.setdefault(key, n)
     again_at = {
-        n for n, key in enumerate(zip(names, columns, strict=True)) if first_at[key] < n and any(columns[n])
+        n
+        for n, key in enumerate(zip(names, columns, strict=True))
+        if first_at[key] < n and not all(not c or says_nothing(c) for c in columns[n])
     }
     if again_at:
         names = [x for n, x in enumerate(names) if n not in again_at]
@@ -347,6 +352,7 @@ def headed(
         quotes={i: " ".join(row) for i, row in below if i in broken},
         doubts=(
             *_fewer_names(split[:first], above, width),
+            *_other_units(above),
             *(f"line {i} holds bytes of 0, as of a reset: what stood there is lost" for i in sorted(garbled)),
         ),
     )  # fmt: skip
@@ -410,6 +416,22 @@ def _names(above: list[list[str]], width: int) -> list[str]:
     return [f"{n} [{u}]" if u and n and not meaning(n).unit else n for n, u in zip(best, known, strict=True)]
 
 
+def _other_units(above: list[list[str]]) -> tuple[str, ...]:
+    """Return a doubt where a line of units says another unit of a column than its name does."""
+    units = next((row for row in reversed(above) if _are_units(row)), None)
+    for row in above if units else ():
+        for name, cell in zip(row, units or (), strict=True):
+            said, own = (
+                UNITS.get(bare := cell.strip("[]() ")) or UNITS.get(bare.lower(), ""),
+                meaning(name).unit,
+            )
+            if row is not units and said and own and said != own:
+                return (
+                    f"{name!r} stands above the unit {bare!r}: taken in {own}, as the name says; is it so?",
+                )
+    return ()
+
+
 def _labelled(above: list[list[str]], names: list[str]) -> list[str]:
     """Return names, or instead those of a line of labels above them that tell the ends of strips, which these do not.
 
@@ -453,7 +475,9 @@ def _joined(rows: list[list[str]]) -> list[str]:
 def _distinct(names: Sequence[str]) -> list[str]:
     names = [name or f"column {n + 1}" for n, name in enumerate(names)]
     twice = {name for name, many in Counter(names).items() if many > 1}
-    return [f"{name} ({n + 1})" if name in twice else name for n, name in enumerate(names)]
+    # The place must not be taken for a strip's number, where there is one.
+    word = {name: "column " if re.search(r"\d", name) else "" for name in twice}
+    return [f"{name} ({word[name]}{n + 1})" if name in twice else name for n, name in enumerate(names)]
 
 
 def _named(row: Sequence[str], numeric: Sequence[bool], decimal: str, usual: Set[str] = frozenset()) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bisect
+import contextlib
 import csv
 import itertools
 import re
@@ -26,7 +27,7 @@ from tacstrip.io.log_import.delimiters import (
 from tacstrip.io.log_import.dialects import of_dialect, of_displayed_scans, plain_rows
 from tacstrip.io.log_import.fields import STAMP, clock_seconds, is_value, number_of, says_nothing
 from tacstrip.io.log_import.literals import one_page, unwrapped
-from tacstrip.io.log_import.names import meaning, meanings, pair_of
+from tacstrip.io.log_import.names import OTHER_SCRIPT, meaning, meanings, pair_of
 from tacstrip.io.log_import.records import STEADY, Item, is_label, items, named_values, of_literals
 from tacstrip.io.log_import.sections import in_one_table
 from tacstrip.io.log_import.series import without_other_series
@@ -50,6 +51,7 @@ _LEVEL = re.compile(
 _ARRAY = re.compile(r"(?<![\"\w])\[[\d\s.,;eE+\-naNuloNe]*\](?!\")")
 _BRACKETED = re.compile(r"\s*[\[({](.*)[\])}]\s*[,;]?\s*")  # a line such as "(20, [1, 2])"
 _PREFIX = re.compile(r"\s*(?:[A-Za-z]+:|-)\s+(?=[-+.\d])")  # such as "RX: " before the fields of each line
+_NAMED = re.compile(r"[^\W\d]\w*\s*[:=]")  # the name of what follows in a line
 _CHECKED = re.compile(r"\*[\dA-Fa-f]{2}\s*\Z")  # the checksum of a sentence as of NMEA
 _VALUE = r"[+-]?(?:\d+\.?\d*|\.\d+)|nan|NaN|NA|OL|-{1,3}|\."
 _PAIRED = re.compile(
@@ -67,10 +69,16 @@ _REMARKED = re.compile(
     r"(?<!\s)(?:\s+[(\[][^()\[\]]{9,}[)\]]\s*|\s{2,}\S.*|\s+(?:--|#|//)\s.*)\Z"
 )  # behind names in a comment
 _ANNOUNCED = re.compile(r"\A(?:columns?|fields?|format|header|names?|cols?|spalten)\s*[:=]\s*", re.IGNORECASE)
+_RANGE = re.compile(r"\b([A-Za-z_]+)(\d+)\s*(?:\.\.+|\u2026|-|to)\s*([A-Za-z_]*)(\d+)\b")  # such as "A0..A3"
+_SAID_OF = re.compile(r"\s+(?:=|are|:)\s.*\Z")  # what names are
+_MOST_NAMES = 1000
 _SHELL = re.compile(
     r"\s*(?:>>> (?!\s*[-+\d.]).*|\[\d+ rows x \d+ columns\]\s*|\(?\d+ rows?(?: in set.*|\)\s*))"
 )  # around a printed DataFrame
 _R_ROW = re.compile(r"\s*\[\d+,\](?=\s)")  # before the rows of a matrix that R prints
+_REMARK_NAMES = (
+    r"notes?|remarks?|comments?|labels?|events?|bemerkung(?:en)?|notizen?|kommentare?|remarques?|notas?"
+)
 _RULE = re.compile(r"[\s\-=+|~*_:]+")  # a line drawn below names
 _SEVERAL = re.compile(r"[\d-]\s+[-+]?\d")
 _NUMBERED = re.compile(r"[A-Za-z_]+\d+\S*")  # a column's name, such as S1 or v2_h
@@ -87,6 +95,8 @@ _MOSTLY = 0.6  # of the lines, where these have several fields
 _MOST_BYTES = 2**30
 _FEW_LINES = 4  # of fewer, the length of the last number tells nothing
 _FEW_BLOCKS = 2
+_ENCODINGS = ("gb18030", "big5", "shift_jis", "euc_kr", "cp1251", "koi8-r")
+_WORDS_KNOWN = 2  # of those that logs have: fewer may be there by chance
 _WORDED = re.compile(r"[^\dA-Za-z]*[A-Za-z][^\t;|]*(?<!,)\Z")  # and without fields
 _THOUSANDS = re.compile(r"(?<=\d)[\u2009\u202f\xa0](?=\d{3}(?!\d))")
 _BOUND = re.compile(r"(\d)\s?(?:\u00b1|\+/-)\s?\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?(?!\d|\s?(?:\u00b1|\+/-))")
@@ -114,7 +124,15 @@ def decoded(file: Path) -> str:
     try:
         return text.decode()
     except UnicodeDecodeError:
-        return text.decode("cp1252", errors="replace")  # of a spreadsheet on Windows
+        western = text.decode("cp1252", errors="replace")  # of a spreadsheet on Windows
+    known: dict[str, int] = {}  # text -> letters of the words in it that logs have
+    for name in _ENCODINGS:
+        with contextlib.suppress(UnicodeDecodeError):
+            other = text.decode(name)
+            words = {*OTHER_SCRIPT.findall(other)}
+            known[other] = sum(map(len, words)) if len(words) >= _WORDS_KNOWN else 0
+    best = max(known, key=lambda other: known[other], default="")
+    return best if known.get(best) else western
 
 
 def _in_utf16(raw: bytes, file: Path, name: str) -> str:
@@ -173,7 +191,16 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     numbers = sum(bool(re.search(r"\d|nan", line)) for _, line in lines)
     for head, many in heads.most_common(1):
         wide = sum(len(re.split(_BETWEEN, line.strip())) > _FEW_LINES for _, line in lines) > STEADY * numbers
-        if head and many > STEADY * numbers and (wide or not meaning(head).role):
+        # It is a name, and not to be lost, where others follow it in the line, or where it says which channel.
+        name_too = sum(bool(_NAMED.search(line, len(head))) for _, line in lines) > (1.0 - STEADY) * numbers
+        channel = meaning(head.strip(" :")).channel in ("h", "l")
+        if (
+            head
+            and many > STEADY * numbers
+            and not name_too
+            and not channel
+            and (wide or not meaning(head).role)
+        ):
             lines = [(i, line.removeprefix(head)) for i, line in lines]
     if sum(bool(_R_ROW.match(line)) for _, line in lines) > _MOSTLY * len(lines):
         lines = [(i, _R_ROW.sub("", line)) for i, line in lines if not line.startswith("> ")]
@@ -339,7 +366,8 @@ def _separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) 
             for i, row in split
         ]
         width -= len(marks)
-    split, width, trimmed = _untrimmed(split, width)
+    split, width, lacking = _under_more_names(split, comments, width, separator)
+    split, width, trimmed = (split, width, "") if lacking else _untrimmed(split, width)
     split = _in_decimals(_below_an_index(split, width), width)
     line, top = split[0]
     if separator.isspace() and len(top) > width > 1 and all(_NUMBERED.fullmatch(name) for name in top[1:]):
@@ -372,13 +400,18 @@ def _separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) 
         )
     table = headed(split, width, decimal, tuple(filter(None, remarks)), named, above)
     table = replace(table, doubts=(*table.doubts, renamed)) if renamed else table
+    if lacking and _are_remarks(lacking) and any(is_value(r[-1 - len(lacking)], decimal) for r in table.rows):
+        said = f"no line has as many fields as there are names: taken as if {', '.join(lacking)} were missing"
+        table = replace(table, doubts=(*table.doubts, said))
+    else:
+        table = replace(table, lacking=lacking)
     return _in_blocks(table, labels, blank)
 
 
 def _names_said(line: str, width: int, separator: str) -> str:
     """Return a comment without what stands around as many names as there are fields: a word before, a remark behind.
 
-    As in "# columns: t strip h l" and "# scan strip volts   (touched strips only)".
+    As in "# columns: t strip h l", "# scan strip volts   (touched strips only)" and "# t, A0..A3 = strips 1 to 4".
     """
     bare = line.lstrip("#%/! \t")
     for shorter in (
@@ -387,9 +420,21 @@ def _names_said(line: str, width: int, separator: str) -> str:
         _ANNOUNCED.sub("", bare),
         _ANNOUNCED.sub("", _REMARKED.sub("", bare)),
     ):
-        if len(_fields(shorter, separator)) == width:
+        found = _fields(shorter, separator)
+        if len(found) == width and not {*found} & {"=", ":", "->"}:
             return shorter
-    return bare
+        listed = _SAID_OF.sub("", _ANNOUNCED.sub("", _REMARKED.sub("", shorter)))
+        parts = [p.strip() for p in re.split(r"[,;]", _RANGE.sub(_in_full, listed))]
+        if len(parts) == width > _FEW_BLOCKS and all(parts) and separator not in ",;":
+            return (separator or " ").join(p.replace(" ", "_") for p in parts)
+    return "" if len(_fields(bare, separator)) == width else bare
+
+
+def _in_full(m: re.Match[str]) -> str:
+    """Return the names of a range such as "A0..A3"."""
+    first, last = int(m[2]), int(m[4])
+    many = range(first, last + 1) if first < last < first + _MOST_NAMES else ()
+    return ", ".join(f"{m[1]}{n}" for n in many) if m[3] in ("", m[1]) and many else m[0]
 
 
 def _decimal_of_quoted(rows: Sequence[Sequence[str]]) -> str:
@@ -415,6 +460,33 @@ def _check_commas(names: list[str], width: int, separator: str, line: int) -> No
         f"line {line} has {len(names)} names, and the lines below it {width} fields: decimal commas, and commas "
         "between fields, too? Save it with decimal points, or with semicolons between fields"
     )
+
+
+def _under_more_names(
+    split: list[tuple[int, list[str]]], comments: list[tuple[int, str]], width: int, separator: str
+) -> tuple[list[tuple[int, list[str]]], int, tuple[str, ...]]:
+    """Return rows filled up to the number of names, where these are more than any line has fields, and the last names.
+
+    Which field is missing no line tells.
+    """
+    if separator.isspace() and separator != "\t":
+        return split, width, ()
+    tops = [n for n, (_, row) in enumerate(split) if len(row) > width and _names_columns(row)]
+    first = tops[-1] + 1 if tops else 0
+    said = [(i, _fields(line.lstrip("#%/! \t"), separator)) for i, line in comments if i < split[0][0]]
+    top, names = split[first - 1] if tops else (said or [(0, [""])])[-1]
+    wide = len(names)
+    numbers = [row for _, row in split[first:] if sum(is_value(c, ".") or is_value(c, ",") for c in row) > 1]
+    if wide <= width or not numbers or any(len(row) >= wide for row in numbers) or not _names_columns(names):
+        return split, width, ()
+    if 2 * sum(m.role != "" for m in meanings(names).values()) < wide:
+        return split, width, ()
+    filled = [(i, row + [""] * (wide - len(row)) if row in numbers else row) for i, row in split[first:]]
+    return [*split[: max(first - 1, 0)], (top, names), *filled], wide, tuple(names[width:])
+
+
+def _are_remarks(names: Sequence[str]) -> bool:
+    return all(re.fullmatch(_REMARK_NAMES, name.strip(), re.IGNORECASE) for name in names)
 
 
 def _untrimmed(
