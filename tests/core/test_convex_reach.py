@@ -8,6 +8,7 @@ import shapely
 
 from tacstrip.arrays import FloatArray
 from tacstrip.core import convex_reach as module
+from tacstrip.core.binding import exported
 from tacstrip.core.convex_reach import convex_reach
 
 _EDGES = (0.0, 100.0, 0.0, 100.0)
@@ -57,7 +58,7 @@ def test_what_is_not_reached_contradicts_a_reading_and_hardly_a_place_that_is() 
 
 @pytest.mark.parametrize("within", [0.01, 1.0, 8.0])
 def test_corners_left_out_change_the_reach_by_no_more(within: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    compiled = module.exported("convex_reach") is not None
+    compiled = exported("convex_reach") is not None
     rings = [[convex_reach(*r, _EDGES, w) for w in (0.0, within)] for r in _readings()]
     monkeypatch.setattr(module, "exported", lambda name: None)
     fewer = 0
