@@ -10,11 +10,11 @@ in that commit, or at least half of its longer lines are taken over from such fi
 goes back that stays or that takes the place of one that does; lines that are added do not.
 """
 
+import argparse
 import ast
 import functools
 import io
 import subprocess
-import sys
 import tokenize
 from collections import Counter
 from collections.abc import Iterator
@@ -175,4 +175,6 @@ def main(since: str = "") -> None:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    options = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    options.add_argument("since", nargs="?", default="", help="a commit")
+    main(options.parse_args().since)
