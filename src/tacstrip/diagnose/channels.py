@@ -234,8 +234,6 @@ def _alike(values: FloatArray, strip: int) -> bool:
 def clipped(work: WorkingCopy) -> Iterator[Suspect]:
     """Find channels that follow their neighbours up (or down) to a level, and no further."""
     for name, strip, own, predicted in _followed(work):
-        if _rests(work, strip, max(0.004, 3.0 * work.sigma)):
-            continue
         for sign, side in ((1.0, "above"), (-1.0, "below")):
             stop = _saturation_level(sign * own, sign * predicted, work.sigma)
             if stop is None:

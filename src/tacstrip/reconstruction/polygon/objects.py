@@ -171,6 +171,7 @@ def reconstruct_object(
         if faint
         else weakness(run, model, outline.vertices, covariance, averaging, second)
     )
+    uncounted = _uncounted(contact, fit, assessed, noise is not None)
     if (
         assessed.explained
         and len(run.problem.k) == 1
@@ -178,9 +179,8 @@ def reconstruct_object(
     ):
         # Outlines that the fit did not find explain the readings, and the confidence counts them: for what it is
         # worth where nobody knows the noise.
-        wrong = "" if noise is not None else _OTHERS.format(100.0 * run.sigma, second, averaging)
-        wrong = _uncounted(contact, fit, assessed, noise is not None) or wrong
-    wrong = wrong or _uncounted(contact, fit, assessed, noise is not None)
+        wrong = "" if noise is not None else uncounted or _OTHERS.format(100.0 * run.sigma, second, averaging)
+    wrong = wrong or uncounted
     if area_mm2 is not None and not wrong:
         wrong = _other_area(outline, covariance, area_mm2)
     # A confidence takes the readings for explained.
