@@ -60,7 +60,7 @@ static void runs(void) {
     if (which > 1) readings[20] = 0.9;
     if (which > 1) readings[STRIPS + 60] = 7.0;
     double sigma = which % 2 ? 0.0 : 0.004 / 1.7320508075688772;
-    RunTask task = {problem, sigma, &run, k, weight, residuals, excluded};
+    RunTask task = {problem, sigma, {0.0, STRIPS, LENGTH}, x_mm, STRIPS, &run, k, weight, residuals, excluded};
     tacstrip_fit_runs(&task, 1, 1e-5, MAX_VERTICES, 0, workspace);
     Polygon *best = run.found + run.best;
     show("run", best->theta, (END_ENTRIES + 2 * (unsigned)best->m) * sizeof(double));
@@ -75,7 +75,7 @@ static void runs(void) {
     double covariance[4 * SIZE * SIZE];
     unsigned size = 2 * (unsigned)(best->m + 2 + best->vertical[0] + best->vertical[1]);
     problem.k = k;
-    if (tacstrip_vertex_covariance(&problem, best, 0.0, STRIPS, LENGTH, x_mm, STRIPS, covariance)) {
+    if (tacstrip_vertex_covariance(&problem, best, 1, 0.0, STRIPS, LENGTH, x_mm, STRIPS, covariance)) {
       double corners[SIZE + 2], normal[8 * (SIZE + 2)], off[8 * (SIZE + 2)], areas[8];
       show("covariance", covariance, size * size * sizeof(double));
       for (unsigned i = 0; i < size; i++) corners[i] = 60.0 * number();

@@ -46,6 +46,9 @@ class RunTask(ctypes.Structure):
     _fields_ = _fields(
         problem=Problem,
         sigma=_DOUBLE,
+        mm=_DOUBLE * 3,
+        x_mm=_POINTER,
+        strips=_INT,
         run=_POINTER,
         k=_POINTER,
         weight=_POINTER,
@@ -170,7 +173,8 @@ OUTLINE_PRIOR = np.dtype(
 RUN = np.dtype(
     _fields(
         count="i8", best="i8", equal="i8", sigma="f8", advantage="f8", ellipse_cost="f8",
-        ellipse="5f8", information="(5,5)f8", found=(POLYGON, MAX_VERTICES + 1),
+        ellipse="5f8", information="(5,5)f8", told="i8", height="f8", points=f"{2 * MAX_VERTICES + 8}f8",
+        covariance=f"{(SIZE + 2) ** 2}f8", found=(POLYGON, MAX_VERTICES + 1),
     )
 )  # fmt: skip
 
@@ -183,7 +187,7 @@ _SEARCH_WORKSPACE = 3613  # doubles: SEARCH_WORKSPACE of core.h
 _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "normal_equations": (_DOUBLE, (_PROBLEM, _POINTER, _INT, _POINTER, _POINTER)),
     "residuals": (None, (_PROBLEM, _POINTER, _POINTER)),
-    "vertex_covariance": (_INT, (_PROBLEM, _POINTER, _DOUBLE, _DOUBLE, _DOUBLE, _POINTER, _INT, _POINTER)),
+    "vertex_covariance": (_INT, (_PROBLEM, _POINTER, _INT, *[_DOUBLE] * 3, _POINTER, _INT, _POINTER)),
     "descend": (_DOUBLE, (_PROBLEM, _POINTER, _INT, _DOUBLE, _DOUBLE)),
     "refine": (None, (_PROBLEM, _POINTER)),
     "chains": (None, (_POINTER, *[_DOUBLE] * 3, _INT, _POINTER, _POINTER)),

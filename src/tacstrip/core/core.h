@@ -14,7 +14,7 @@
 #ifndef TACSTRIP_CORE_H
 #define TACSTRIP_CORE_H
 
-#define TACSTRIP_VERSION 15 /* goes up whenever a function or a struct of this file changes */
+#define TACSTRIP_VERSION 16 /* goes up whenever a function or a struct of this file changes */
 
 #define MAX_VERTICES 16        /* interior vertices of a polygon */
 #define END_ENTRIES 6          /* entries of theta before the first vertex */
@@ -129,6 +129,9 @@ typedef struct {
   double sigma;    /* of a reading: as given, or what the residuals say [Vref] */
   double advantage; /* how much better the criterion of an ellipse is; -inf where none was fitted */
   double ellipse_cost, ellipse[5], information[25]; /* as fit_ellipse has them */
+  Int told;        /* whether the covariance is written */
+  double height;   /* the chosen polygon's greatest one [mm], and its lower and upper chain, as `chains` has them */
+  double points[2 * MAX_VERTICES + 8], covariance[(SIZE + 2) * (SIZE + 2)]; /* (2 V, 2 V), as vertex_covariance has it */
   Polygon found[MAX_VERTICES + 1]; /* ascending in m */
 } Run;
 
@@ -196,11 +199,13 @@ EXPORTED void tacstrip_residuals(const Problem *problem, const Polygon *polygon,
 
 /* Write the covariance (2 V, 2 V) [mm^2] of the polygon's V vertices in mm, counter-clockwise from the left end's lower
    one: x, y of each. What the readings tell, and that the x of the ends and of both vertices of an edge that crosses one
-   strip or none is known to within a pitch. x = 0 to 1 is width_mm from origin_mm on, y = 1 is length_mm; x_mm (strips,)
+   strip or none is known to within a pitch. With `loose` also of one that crosses two or three, where the edges beside it
+   explain as many of them that one or none is left. x = 0 to 1 is width_mm from origin_mm on, y = 1 is length_mm; x_mm (strips,)
    [mm] are the centre lines of all strips of the sensor. Returns 0, and writes nothing of use, where a direction is
    hardly told: that needs a decomposition. */
-EXPORTED Int tacstrip_vertex_covariance(const Problem *problem, const Polygon *polygon, double origin_mm, double width_mm,
-                                        double length_mm, const double *x_mm, Int strips, double *covariance);
+EXPORTED Int tacstrip_vertex_covariance(const Problem *problem, const Polygon *polygon, Int loose, double origin_mm,
+                                        double width_mm, double length_mm, const double *x_mm, Int strips,
+                                        double *covariance);
 
 /* Improve a polygon in place by Levenberg-Marquardt, and return its cost. It ends after `steps` steps, when one gains
    less than `least`, or when it is not on its way to cost less than `wanted`. */
@@ -255,10 +260,13 @@ EXPORTED Int tacstrip_isolated_outliers(const double *residuals, Int signatures,
 /* One of the runs that fit_runs takes, and where it leaves what. problem.k are the readings as measured, of which those
    that are not finite or far outside 0..1 are left out, as outliers are; its weights are not read. sigma [Vref]: of a
    reading, or 0 where it is estimated. Written are the fit, and what it was made of: k and weight as in Problem, residuals
-   over sigma, each (signatures, n), and the readings that were there but not used, excluded (signatures, n), 0 or 1. */
+   over sigma, each (signatures, n), and the readings that were there but not used, excluded (signatures, n), 0 or 1.
+   mm: where x = 0 lies, and the extent of x and y from 0 to 1; x_mm (strips,): centre lines of all strips of the sensor. */
 typedef struct {
   Problem problem;
-  double sigma;
+  double sigma, mm[3];
+  const double *x_mm;
+  Int strips;
   Run *run;
   double *k, *weight, *residuals;
   unsigned char *excluded;

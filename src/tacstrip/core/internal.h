@@ -109,6 +109,10 @@ HIDDEN double per_vertex_penalty(Int readings);
 HIDDEN double complexity_penalty(Int readings, Int vertices, Int sigma_known);
 HIDDEN double deviance(double cost, Int readings, double sigma, Int sigma_known);
 
+/* polygon_fit.c: chains (count, 2), x ascending */
+HIDDEN double interpolated(const double *points, Int count, double x); /* the height at x */
+HIDDEN double greatest_height(const double *lower, Int low, const double *upper, Int high);
+
 /* ellipse.c */
 HIDDEN void ellipse_residuals(const Problem *s, const double *p, double *residuals); /* as tacstrip_residuals */
 

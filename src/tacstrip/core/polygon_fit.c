@@ -2,6 +2,8 @@
 
 #include "closed_form.h"
 
+#define APART 1e-6 /* of the run: vertices of a chain */
+#define TOLD 6.0   /* deviations of a strip's readings between two edges: less, and either explains them */
 #define FIRM 1e-10 /* of a parameter's information, once the others are solved for: less is for a decomposition */
 
 void tacstrip_residuals(const Problem *s, const Polygon *p, double *residuals) {
@@ -42,8 +44,7 @@ static Int points_of(const Polygon *p, Int upper, double origin, double width, d
   return count;
 }
 
-/* The height of a chain at x. */
-static double interpolated(const double *points, Int count, double x) {
+double interpolated(const double *points, Int count, double x) {
   Int i = 0;
   if (!(x < points[2 * count - 2])) return points[2 * count - 1];
   if (x < points[0]) return points[1];
@@ -60,6 +61,84 @@ void tacstrip_chains(const Polygon *p, double origin, double width, double lengt
     lower[2 * i + 1] = smaller(lower[2 * i + 1], interpolated(upper, high, lower[2 * i]));
   for (Int i = 1; apart && i < high - 1; i++)
     upper[2 * i + 1] = larger(upper[2 * i + 1], interpolated(lower, low, upper[2 * i]));
+}
+
+double greatest_height(const double *lower, Int low, const double *upper, Int high) {
+  double most = -INFINITE;
+  for (Int i = 0; i < low; i++) most = larger(most, interpolated(upper, high, lower[2 * i]) - lower[2 * i + 1]);
+  for (Int i = 0; i < high; i++) most = larger(most, upper[2 * i + 1] - interpolated(lower, low, upper[2 * i]));
+  return most;
+}
+
+/* The readings (signatures,) of a contact from l to u. */
+static void readings_at(const Problem *s, double l, double u, double *k) {
+  double low[LANES], high[LANES], made[LANES];
+  for (int j = 0; j < LANES; j++) {
+    low[j] = l;
+    high[j] = u;
+  }
+  Ideal contact = ideal(s, load(low), load(high));
+  for (Int row = 0; row < s->signatures; row++) {
+    store(made, reading(s->share[row], &contact));
+    k[row] = made[0];
+  }
+}
+
+/* Write the place `by` pitches from a strip on an edge a (2, 2), lengthened, that explains it as the chains (count, 2) do;
+   0 where the readings contradict it. */
+static int beside(const Problem *s, double chain[2][2 * MAX_VERTICES + 4], const Int *count, int side, const double *a,
+                  Int strip, double by, double *place) {
+  double x = s->x[strip], to = x + by * (s->x[1] - s->x[0]), end[2], there[2], then[2], squares = 0.0;
+  if (!(a[0] < a[2])) return 0;
+  double slope = (a[3] - a[1]) / (a[2] - a[0]);
+  for (int i = 0; i < 2; i++) end[i] = interpolated(chain[i], count[i], x);
+  readings_at(s, end[0], end[1], there);
+  end[side] = a[1] + slope * (x - a[0]);
+  readings_at(s, end[0], end[1], then);
+  for (Int row = 0; row < s->signatures; row++) {
+    double off = then[row] - there[row];
+    squares += off * off * s->weight[row * s->n + strip];
+  }
+  if (!(sqrt(squares) < TOLD)) return 0;
+  place[0] = to;
+  place[1] = a[1] + slope * (to - a[0]);
+  return 1;
+}
+
+/* Move the vertices of edges that may cross one strip or none to the middle of where they may be, in a copy of a polygon;
+   return whether any was. */
+static int loosen(const Problem *s, const Polygon *p, Polygon *loose) {
+  double chain[2][2 * MAX_VERTICES + 4], points[2 * MAX_VERTICES + 4], moved[2 * MAX_VERTICES + 4];
+  Int count[2] = {2, 2}, at[MAX_VERTICES + 2];
+  int changed = 0;
+  for (Int j = 0; j < p->m; j++) count[p->upper[j]]++;
+  tacstrip_chains(p, 0.0, 1.0, 1.0, 0, chain[0], chain[1]);
+  *loose = *p;
+  for (int side = 0; side < 2; side++) {
+    Int n = count[side];
+    for (Int i = 0; i < n; i++) at[i] = first_from(s->x, s->n, chain[side][2 * i]);
+    for (Int i = 0; i < 2 * n; i++) points[i] = chain[side][i];
+    for (Int i = 0; i + 1 < n; i++) {
+      Int crossed = at[i + 1] - at[i];
+      int apart = 1;
+      if (crossed < 2 || crossed > 3) continue;
+      for (Int j = 0; j < 2 * n; j++) moved[j] = points[j];
+      if (i > 0) crossed -= beside(s, chain, count, side, points + 2 * i - 2, at[i], 0.5, moved + 2 * i);
+      if (i + 2 < n) crossed -= beside(s, chain, count, side, points + 2 * i + 2, at[i + 1] - 1, -0.5, moved + 2 * i + 2);
+      for (Int j = 1; j < n; j++) apart = apart && moved[2 * j] - moved[2 * j - 2] > APART;
+      if (crossed <= 1 && apart) for (Int j = 0; j < 2 * n; j++) points[j] = moved[j];
+    }
+    for (Int j = 0, i = 1; j < p->m; j++) if (p->upper[j] == side) {
+      for (int axis = 0; axis < 2; axis++) {
+        double *own = loose->theta + END_ENTRIES + 2 * j + axis;
+        changed = changed || *own != points[2 * i + axis];
+        *own = points[2 * i + axis];
+      }
+      i++;
+    }
+  }
+  sort_vertices(loose);
+  return changed;
 }
 
 /* Mark the x of both knots of each edge that crosses one strip or none. */
@@ -97,8 +176,18 @@ static Int ring(const Polygon *p, Int *entry) {
   return n;
 }
 
-Int tacstrip_vertex_covariance(const Problem *s, const Polygon *p, double origin, double width, double length,
+Int tacstrip_vertex_covariance(const Problem *s, const Polygon *p, Int loose, double origin, double width, double length,
                                const double *x_mm, Int strips, double *covariance) {
+  Polygon moved;
+  if (loose && loosen(s, p, &moved)) {
+    Int own[SIZE + 2], other[SIZE + 2], places = ring(p, own);
+    if (!tacstrip_vertex_covariance(s, &moved, 0, origin, width, length, x_mm, strips, covariance)) return 0;
+    ring(&moved, other);
+    for (Int i = 0; i < places; i++) for (Int j = i / 2 * 2; j < i / 2 * 2 + 2; j++)
+      covariance[i * places + j] += (p->theta[own[i]] - moved.theta[other[i]]) * (i % 2 ? length : width) *
+                                    ((p->theta[own[j]] - moved.theta[other[j]]) * (j % 2 ? length : width));
+    return 1;
+  }
   Matrix a, u, inverse;
   double gradient[SIZE], scale[SIZE], unit[SIZE], b[SIZE], pitch = s->pitch * width;
   Int size = END_ENTRIES + 2 * p->m, n = 0, at[SIZE], entry[SIZE + 2], known[SIZE] = {0};

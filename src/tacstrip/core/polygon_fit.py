@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -176,6 +177,11 @@ class PolygonFit:
         An edge that crosses two strips, of which the next edge explains one as well, may cross the other one alone: its
         vertices are anywhere within a pitch then, though a line through both strips seems to tell their place.
         """
+        told = self._compiled_covariance(problem, sensor, loose=True)
+        return self.plain_covariance(problem, sensor) if told is None else told
+
+    def plain_covariance(self, problem: FitProblem, sensor: Sensor) -> FloatArray:
+        """Return `covariance`, edges made loose in NumPy."""
         fit = self._with_loose_edges(problem)
         covariance = fit.linear_covariance(problem, sensor)
         if fit is not self:
@@ -186,15 +192,22 @@ class PolygonFit:
 
     def linear_covariance(self, problem: FitProblem, sensor: Sensor) -> FloatArray:
         """Return the covariance of the vertices (2 V, 2 V) [mm^2] by slopes at this outline alone."""
-        core = exported("vertex_covariance")
-        if core is not None:
-            record, x_mm = self.record, sensor.x_mm
-            covariance = np.empty((2 * self.n_vertices, 2 * self.n_vertices))
-            in_mm = (problem.origin_mm, problem.width_mm, problem.length_mm)
-            if core(problem.compiled, at(record), *in_mm, at(x_mm), len(x_mm), at(covariance)):
-                return covariance
+        told = self._compiled_covariance(problem, sensor, loose=False)
+        if told is not None:
+            return told
         outline = Outline(*self.chains_mm(problem))
         return covariance_with_x_priors(outline, sensor, self.information_root(problem))
+
+    def _compiled_covariance(self, problem: FitProblem, sensor: Sensor, loose: bool) -> FloatArray | None:
+        """Return what the core says; None where there is none, or a direction is hardly told."""
+        core = exported("vertex_covariance")
+        if core is None:
+            return None
+        record, x_mm, size = self.record, sensor.x_mm, 2 * self.n_vertices
+        covariance = np.empty((size, size))
+        in_mm = (problem.origin_mm, problem.width_mm, problem.length_mm)
+        told = core(problem.compiled, at(record), loose, *in_mm, at(x_mm), len(x_mm), at(covariance))
+        return covariance if told else None
 
     def _with_loose_edges(self, problem: FitProblem) -> PolygonFit:
         """Return it, vertices of edges that may cross one strip or none moved to the middle of where they may be."""
@@ -270,6 +283,34 @@ class PolygonFit:
         record["theta"][0, : END_ENTRIES + 2 * m], record["upper"][0, :m] = self.theta, self.chain
         record["cost"] = self.cost
         return record
+
+
+class FoundPolygons(Sequence[PolygonFit]):
+    """Polygons that the compiled core left in records (N,), made when first asked for."""
+
+    def __init__(self, records: npt.NDArray[np.void]) -> None:
+        self._records = records
+        self._made: dict[int, PolygonFit] = {}
+
+    @property
+    def scores(self) -> tuple[float, ...]:
+        """The criterion that they are compared by."""
+        return tuple(self._records["score"].tolist())
+
+    def __len__(self) -> int:
+        return len(self._records)
+
+    @overload
+    def __getitem__(self, place: int) -> PolygonFit: ...
+    @overload
+    def __getitem__(self, place: slice) -> tuple[PolygonFit, ...]: ...
+    def __getitem__(self, place: int | slice) -> PolygonFit | tuple[PolygonFit, ...]:
+        if isinstance(place, slice):
+            return tuple(self[i] for i in range(*place.indices(len(self))))
+        at = range(len(self))[place]
+        if at not in self._made:
+            self._made[at] = PolygonFit.of_record(self._records[at : at + 1])
+        return self._made[at]
 
 
 def refine(fit: PolygonFit, problem: FitProblem) -> PolygonFit:

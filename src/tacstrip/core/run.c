@@ -227,6 +227,21 @@ static void fit(Fitter *f, double sigma, Flag *out, Run *run) {
   }
 }
 
+/* Say in mm what the chosen polygon is. */
+static void describe(const RunTask *task, const Problem *now) {
+  Run *run = task->run;
+  const Polygon *best = run->found + run->best;
+  const double *mm = task->mm;
+  Int low = 2;
+  run->told = 0;
+  if (run->count == 0) return;
+  for (Int j = 0; j < best->m; j++) low += !best->upper[j];
+  double *upper = run->points + 2 * low;
+  tacstrip_chains(best, mm[0], mm[1], mm[2], 1, run->points, upper);
+  run->height = greatest_height(run->points, low, upper, best->m + 4 - low);
+  run->told = tacstrip_vertex_covariance(now, best, 1, mm[0], mm[1], mm[2], task->x_mm, task->strips, run->covariance);
+}
+
 static void fit_run(const RunTask *task, double step, Int max_vertices, Int n_vertices, double *workspace) {
   Fitter f;
   const Problem *raw = &task->problem;
@@ -260,6 +275,7 @@ static void fit_run(const RunTask *task, double step, Int max_vertices, Int n_ve
     start = task->run->sigma; /* curvature passed for noise, and made what is known of the ends weigh too much */
   }
   for (Int i = 0; i < f.all; i++) task->excluded[i] &= f.there[i];
+  describe(task, &f.now);
 }
 
 void tacstrip_fit_runs(const RunTask *tasks, Int count, double step, Int max_vertices, Int n_vertices, double *workspace) {

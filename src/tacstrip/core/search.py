@@ -7,6 +7,7 @@ the best one are then fitted to all strips, and compared.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,7 +47,7 @@ class ModelSelection:
         with clear n_vertices, more for a round contact.
     """
 
-    fits: tuple[PolygonFit, ...]
+    fits: Sequence[PolygonFit]
     scores: tuple[float, ...]
     best: int
     equal: int

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,7 +14,7 @@ from tacstrip.core.outline_model import OutlineModel
 from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.core.search import fit_counts
 from tacstrip.geometry.moments import deviations, moments
-from tacstrip.geometry.outline import Outline, max_height
+from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.contact_ends import closed_ends
 from tacstrip.reconstruction.cramer_rao import reading_sigma
 from tacstrip.reconstruction.noise_covariance import (
@@ -24,7 +25,7 @@ from tacstrip.reconstruction.noise_covariance import (
     signature_advice,
 )
 from tacstrip.reconstruction.polygon.goodness_of_fit import explains, misfit, second_look, weakness
-from tacstrip.reconstruction.polygon.run import CHECKS, RunFit
+from tacstrip.reconstruction.polygon.run import CHECKS, ModelInMm, RunFit
 from tacstrip.reconstruction.posterior.assessment import (
     ENOUGH,
     ENOUGH_OF_ONE,
@@ -134,23 +135,28 @@ def reconstruct_object(
     model: OutlineModel = fit
     if run.model is not None and not isinstance(run.model, PolygonFit):
         model, faint = run.model, False
-    lower, upper = model.chains_mm(run.problem)
-    if max_height(lower, upper) <= _THIN * sensor.length_mm:
+    in_mm = run.model_mm if model is run.model else ModelInMm.of(model, run.problem)
+    lower, upper = in_mm.lower, in_mm.upper
+    if in_mm.height <= _THIN * sensor.length_mm:
         line = "neither a corner nor a width could be distinguished from noise: a line, given as its profile"
         profile = (x, np.interp(x, *lower.T), np.interp(x, *upper.T))
         return RecoveredObject(
             strips, profile=profile, status="too few transitions", advice="; ".join([line, *notes])
         )
     outline = Outline.held(lower, upper)
-    covariance = model.covariance(run.problem, sensor)
+    covariance = in_mm.covariance
+    if covariance is None:
+        covariance = model.covariance(run.problem, sensor)
     guarantee, empty = None, False
     many = noise is not None and bounded and model is fit and fit.n_vertices > _CORNERS
     if noise is not None and bounded and not (faint or many) and model is fit:
-        guarantee, empty = _bounded(scan, sensor, contact, noise, outline)
+        guarantee, empty = _bounded(scan, sensor, contact, noise, outline, covariance)
         if guarantee is not None:
             outline, covariance = guarantee.outline, guarantee.region_covariance
     errors = _errors(scan, sensor, contact, noise, outline)
-    slopes = covariance if guarantee is not None else _by_slopes(model, run, sensor, covariance)
+    slopes = covariance
+    if errors is not None and guarantee is None:
+        slopes = _by_slopes(model, run, sensor, covariance)
     wrong = misfit(run, distribution, slopes, errors) or (_EMPTY if empty else _MANY if many else "")
     wrong, pair = second_look(run, distribution, outline, sensor, wrong, contact.readings)
     assessed = assess(
@@ -160,7 +166,7 @@ def reconstruct_object(
         model, guarantee, faint = assessed.better, None, False
         outline, covariance = Outline(*model.chains_mm(run.problem)), model.covariance(run.problem, sensor)
         errors = _errors(scan, sensor, contact, noise, outline)
-        slopes = _by_slopes(model, run, sensor, covariance)
+        slopes = covariance if errors is None else _by_slopes(model, run, sensor, covariance)
     if errors is not None:
         with np.errstate(invalid="ignore"):  # what nothing tells is infinite in both
             loose = np.nan_to_num(covariance - slopes, nan=0.0, posinf=0.0, neginf=0.0)
@@ -282,10 +288,18 @@ def _verdict(
 
 
 def _bounded(
-    scan: Scan, sensor: Sensor, contact: FittedContact, noise: Noise, outline: Outline
+    scan: Scan,
+    sensor: Sensor,
+    contact: FittedContact,
+    noise: Noise,
+    outline: Outline,
+    covariance: FloatArray,
 ) -> tuple[Bounded | None, bool]:
-    """Return what the noise's bound leaves of the fits where the readings agree, and whether it leaves nothing."""
-    refined = _refined(scan, sensor, contact, noise)
+    """Return what the noise's bound leaves of the fits where the readings agree, and whether it leaves nothing.
+
+    `outline` and `covariance` are the chosen fit's.
+    """
+    refined = _refined(scan, sensor, contact, noise, (outline, covariance))
     options = [] if refined is None else [refined, refined.of_least_squares()]
     y = outline.vertices[:, 1] / sensor.length_mm
     if y.min() <= _THIN or y.max() >= 1.0 - _THIN:
@@ -357,31 +371,43 @@ def _chosen(run: RunFit, known: bool) -> tuple[PolygonFit, bool]:
     return (triangles[0], True) if triangles else (run.selection.chosen, False)
 
 
-def _refined(scan: Scan, sensor: Sensor, contact: FittedContact, noise: Noise) -> Bounded | None:
+def _refined(
+    scan: Scan,
+    sensor: Sensor,
+    contact: FittedContact,
+    noise: Noise,
+    chosen: tuple[Outline, FloatArray],
+) -> Bounded | None:
     """Return what the noise's bound leaves of the fits, fewest vertices first; None where it leaves none."""
     run = contact.run
     assert run.selection is not None
     # And both ends: no outline leaves more.
     if (run.residuals**2).sum() > _UNIFORM * (run.problem.readings + 2):
         return None
-    candidates = []
-    for fit, score in zip(run.selection.fits, run.selection.scores, strict=True):
-        if score > run.selection.scores[run.selection.best] + (
-            _FEWER if fit.n_interior < run.selection.chosen.n_interior else _WORSE
-        ):
-            continue
-        lower, upper = fit.chains_mm(run.problem)
-        if max_height(lower, upper) > _THIN * sensor.length_mm:
-            outline = Outline.held(lower, upper)
-            candidates.append((outline, fit.covariance(run.problem, sensor)))
     readings = {
         name: np.where(out, np.nan, contact.readings[name])
         for name, out in zip(scan.signatures, run.excluded, strict=True)
     }
     band = ReadingBounds.of(sensor, sensor.x_mm[contact.fitted], readings, noise, contact.margin_mm)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # rubbish readings leave rubbish sets
-        found = fewest(candidates, band)
+        found = fewest(_candidates(run, sensor, chosen), band)
     return None if found is None else found[1]
+
+
+def _candidates(
+    run: RunFit, sensor: Sensor, chosen: tuple[Outline, FloatArray]
+) -> Iterator[tuple[Outline, FloatArray]]:
+    """Yield the outlines, and their covariances, of the fits that the noise's bound may leave something of."""
+    selection = run.selection
+    assert selection is not None
+    for number, score in enumerate(selection.scores):
+        if number == selection.best:
+            yield chosen
+        elif score <= selection.scores[selection.best] + (_FEWER if number < selection.best else _WORSE):
+            fit = selection.fits[number]
+            in_mm = ModelInMm.of(fit, run.problem)
+            if in_mm.height > _THIN * sensor.length_mm:
+                yield Outline.held(in_mm.lower, in_mm.upper), fit.covariance(run.problem, sensor)
 
 
 def _raw_profile(scan: Scan, sensor: Sensor, strips: slice) -> Profile | None:

@@ -7,6 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from tacstrip.core.ellipse import Ellipse, fit_ellipse
 from tacstrip.core.model_selection import complexity_penalty, deviance, per_vertex_penalty
 from tacstrip.core.outliers import isolated_outliers, spikes
 from tacstrip.core.outline_model import OutlineModel
-from tacstrip.core.polygon_fit import PolygonFit
+from tacstrip.core.polygon_fit import FoundPolygons
 from tacstrip.core.problem import FLOOR, FitProblem
 from tacstrip.core.search import ModelSelection, fit_counts
 from tacstrip.geometry.outline import Outline, max_height
@@ -33,6 +34,22 @@ _BARELY = 0.5  # of the spread with all readings: few residuals can be small by 
 _ALONE = 8  # suspects at most that are left out one by one
 _LEAST_SCALE = 1e-3  # of sigma: a spread of residuals
 _SPARE = 1  # readings beyond the numbers fitted, without which nothing can be tested
+
+
+@dataclass(frozen=True, eq=False)
+class ModelInMm:
+    """A model's lower and upper chain (M, 2), (N, 2), greatest height, and covariance where the core told it [mm]."""
+
+    lower: FloatArray
+    upper: FloatArray
+    height: float
+    covariance: FloatArray | None = None
+
+    @classmethod
+    def of(cls, model: OutlineModel, problem: FitProblem) -> ModelInMm:
+        """Return a model's chains and height."""
+        lower, upper = model.chains_mm(problem)
+        return cls(lower, upper, max_height(lower, upper))
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,13 +96,18 @@ class RunFit:
         """Degrees of freedom: readings beyond the numbers that they determine."""
         return self.problem.readings - (0 if self.model is None else self.model.n_parameters)
 
+    @cached_property
+    def model_mm(self) -> ModelInMm:
+        """The model in mm, where there is one."""
+        assert self.model is not None
+        return ModelInMm.of(self.model, self.problem)
+
     @property
     def outline(self) -> Outline | None:
         """The model's outline [mm], if there is one and it is no line."""
-        if self.model is None:
+        if self.model is None or self.model_mm.height <= 0.0:
             return None
-        lower, upper = self.model.chains_mm(self.problem)
-        return Outline(lower, upper) if max_height(lower, upper) > 0.0 else None
+        return Outline(self.model_mm.lower, self.model_mm.upper)
 
     @cached_property
     def residuals(self) -> FloatArray:
@@ -173,37 +195,56 @@ def fit_runs(
             for r in runs
         ]
     records, tasks, made = np.empty(len(runs), RUN), (RunTask * len(runs))(), []
-    first, longest = at(records), 0
+    first, longest, x_mm = at(records), 0, sensor.x_mm
+    every = at(x_mm), len(x_mm)
     for i, run in enumerate(runs):
         raw = np.array([*run.readings.values()], dtype=np.float64)
         k, weight, residuals = fitted = np.empty((3, *raw.shape))
-        excluded, begin = np.empty(raw.shape, dtype=np.bool_), at(fitted)
+        excluded, begin, size = np.empty(raw.shape, dtype=np.bool_), at(fitted), raw.nbytes
         problem = FitProblem.of_strips(sensor, run.x_mm, tuple(run.readings), k, weight, run.margin_mm)
         sigma = 0.0 if run.sigma is None else max(run.sigma, FLOOR)
         longest = max(longest, raw.size + 2 * len(raw[0]))
-        places = (begin + part * raw.nbytes for part in range(3))
-        tasks[i] = RunTask(problem.compiled, sigma, first + i * RUN.itemsize, *places, at(excluded))
+        in_mm = problem.origin_mm, problem.width_mm, problem.length_mm
+        places = first + i * RUN.itemsize, begin, begin + size, begin + 2 * size, at(excluded)
+        tasks[i] = RunTask(problem.compiled, sigma, in_mm, *every, *places)
         tasks[i].problem.k = at(raw)
         made.append((problem, excluded, residuals, raw))
     workspace = search_workspace(2 * longest)
     step = sensor.adc_step / math.sqrt(12.0)
     core(ctypes.addressof(tasks), len(runs), step, max_vertices, n_vertices or 0, at(workspace))
-    return [_of_record(problem, records[i], *rest[:2]) for i, (problem, *rest) in enumerate(made)]
+    numbers = zip(*(records[name].tolist() for name in _NUMBERS), strict=True)
+    return [
+        _of_record(problem, records[i], of_run, *rest[:2])
+        for i, ((problem, *rest), of_run) in enumerate(zip(made, numbers, strict=True))
+    ]
 
 
-def _of_record(problem: FitProblem, record: np.void, excluded: BoolArray, residuals: FloatArray) -> RunFit:
-    """Return what the compiled core left in a `RUN`."""
-    selection, ellipse, count = None, None, int(record["count"])
+_NUMBERS = "count", "best", "equal", "sigma", "advantage", "ellipse_cost", "told", "height"  # of a `RUN`
+
+
+def _of_record(
+    problem: FitProblem,
+    record: np.void,
+    numbers: tuple[Any, ...],
+    excluded: BoolArray,
+    residuals: FloatArray,
+) -> RunFit:
+    """Return what the compiled core left in a `RUN`, of which all single numbers are read already."""
+    count, best, equal, sigma, advantage, ellipse_cost, told, height = numbers
+    selection, ellipse = None, None
     if count:
-        found = record["found"][:count]
-        fits = tuple(PolygonFit.of_record(found[i : i + 1]) for i in range(count))
-        scores = tuple(found["score"].tolist())
-        selection = ModelSelection(fits, scores, int(record["best"]), int(record["equal"]))
-    advantage = float(record["advantage"])
+        fits = FoundPolygons(record["found"][:count].copy())
+        selection = ModelSelection(fits, fits.scores, best, equal)
     if advantage > -np.inf:
-        ellipse = Ellipse(record["ellipse"], float(record["ellipse_cost"]), record["information"])
-    run = RunFit(problem, selection, float(record["sigma"]), excluded, ellipse, advantage)
-    run.__dict__["residuals"] = residuals  # the cached property's place
+        ellipse = Ellipse(record["ellipse"], ellipse_cost, record["information"])
+    run = RunFit(problem, selection, sigma, excluded, ellipse, advantage)
+    run.__dict__["residuals"] = residuals  # the cached properties' place
+    if selection is not None and not advantage > 0.0:
+        chosen = selection.chosen
+        size, low = 2 * chosen.n_vertices, 2 + chosen.n_interior - sum(chosen.chain.tolist())
+        points = record["points"][: 2 * chosen.n_interior + 8].copy().reshape(-1, 2)
+        covariance = record["covariance"][: size * size].copy().reshape(size, size) if told else None
+        run.__dict__["model_mm"] = ModelInMm(points[:low], points[low:], height, covariance)
     return run
 
 

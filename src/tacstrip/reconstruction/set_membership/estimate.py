@@ -8,7 +8,7 @@ within the bound, there are more; if none with any number does, the model or the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -146,7 +146,7 @@ def _mean(lower: FloatArray, upper: FloatArray, lines: EdgeLines, band: ReadingB
 
 
 def fewest(
-    candidates: Sequence[tuple[Outline, FloatArray]], band: ReadingBounds
+    candidates: Iterable[tuple[Outline, FloatArray]], band: ReadingBounds
 ) -> tuple[int, Bounded] | None:
     """Return the first of least-squares fits, fewest vertices first, that the band leaves something of, refined.
 
