@@ -11,6 +11,11 @@ import pytest
 from compiled import build_core
 
 TWINS = {
+    "bounded.c": (
+        "reconstruction.set_membership.estimate",
+        "reconstruction.set_membership.feasible_point",
+        "core.polytope",
+    ),
     "closed_form.h": ("core.problem", "core.cost"),
     "core.h": ("core.binding", "core.score_test"),
     "descent.c": ("core.descent", "core.polygon_fit"),

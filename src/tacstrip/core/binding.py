@@ -204,6 +204,10 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "outline_ends": (None, (_POINTER, _INT, _POINTER, _INT, _POINTER)),
     "feasible_set": (None, (_LINES, _BAND, *[_POINTER] * 10)),
     "outlines": (_INT, (_LINES, _POINTER, _DOUBLE, _POINTER, _POINTER, _INT, *[_POINTER] * 3)),
+    "bounded": (
+        _INT,
+        (_BAND, _DOUBLE, _POINTER, _INT, _POINTER, _INT, *[_POINTER] * 2, _INT, *[_POINTER] * 6, _INT),
+    ),
     "scatter": (None, (*[_POINTER] * 4, _INT, _INT, _POINTER, _INT, _INT, *[_POINTER] * 4)),
     "rigid_equations": (_DOUBLE, (_SCANS, _LOSS, _POINTER, _INT, *[_POINTER] * 7)),
     "rigid_poses": (None, (_SCANS, _LOSS, _POINTER, _INT, _POINTER, _INT, _INT, _POINTER)),
@@ -251,6 +255,7 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
 _LONG = frozenset(
     (
         "batch",
+        "bounded",
         "fit_runs",
         "fit_counts",
         "feasible_part",

@@ -301,6 +301,17 @@ EXPORTED void tacstrip_scatter(const double *lower, const double *upper, const I
                                Int lowers, Int uppers, const double *mean, Int vertices, Int count, double *covariance,
                                double *radii, double *deviations, double *workspace);
 
+/* All that the band leaves of a least-squares outline: chains lower (lowers, 2) and upper (uppers, 2) [mm], and the
+   covariance of its vertices [mm^2]. Draws points (sweeps, size), size = 2 (lowers + uppers - 2), writes the outlines' mean,
+   both chains one after the other (lowers + uppers, 2), and as of `scatter` how they scatter about it. pitch [mm] of the
+   strips; shuffled (sweeps, 2): both columns 0 to sweeps - 1 in some order, that of vertical ends.
+   workspace (room,). Returns 2; 1 where points are drawn and tell no mean; 0 where none are found in the first part of
+   the set: look on step by step; negative where so much room is needed. */
+EXPORTED Int tacstrip_bounded(const Band *band, double pitch, const double *lower, Int lowers, const double *upper,
+                              Int uppers, const double *covariance, const double *shuffled, Int sweeps, double *points,
+                              double *mean, double *scatter, double *radii, double *deviations, double *workspace,
+                              Int room);
+
 /* Polytopes: a z <= b in z (size,), size at most SIZE. The rows lie beside each other: a (size, rows), b (rows,). */
 
 /* The least of form z (size,) where a z <= slack; -inf where none was found. By an active set: downhill

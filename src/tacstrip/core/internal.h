@@ -113,6 +113,10 @@ HIDDEN double deviance(double cost, Int readings, double sigma, Int sigma_known)
 HIDDEN double interpolated(const double *points, Int count, double x); /* the height at x */
 HIDDEN double greatest_height(const double *lower, Int low, const double *upper, Int high);
 
+/* outlines.c. Write the chains of one point, (lower + 1, 2) and (count - lower + 1, 2), and return how much room in the
+   vertices' places its heights have: the determinant of the vertices by the heights, but for a constant. */
+HIDDEN double line_chains(const Lines *lines, const double *heights, const double *vertical_x, double *lower, double *upper);
+
 /* ellipse.c */
 HIDDEN void ellipse_residuals(const Problem *s, const double *p, double *residuals); /* as tacstrip_residuals */
 

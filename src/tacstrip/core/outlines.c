@@ -24,9 +24,7 @@ static double slope_of(const Lines *lines, const double *heights, Int line) {
   return (heights[2 * line + 1] - heights[2 * line]) / (lines->reach[2 * line + 1] - lines->reach[2 * line]);
 }
 
-/* Write the chains of one point, (lower + 1, 2) and (count - lower + 1, 2), and return how much room in the vertices'
-   places its heights have: the determinant of the vertices by the heights, but for a constant. */
-static double chains(const Lines *lines, const double *heights, const double *vertical_x, double *lower, double *upper) {
+double line_chains(const Lines *lines, const double *heights, const double *vertical_x, double *lower, double *upper) {
   double ends[2], run = 1.0, turn = 1.0;
   for (int end = 0; end < 2; end++) {
     Int first = end ? lines->lower - 1 : 0, second = end ? lines->count - 1 : lines->lower;
@@ -60,7 +58,7 @@ Int tacstrip_outlines(const Lines *lines, const double *windows, double length, 
   double *every = workspace, *weight = every + count * (own + other), most = -INFINITE, total = 0.0, squares = 0.0;
   for (Int k = 0; k < count; k++) {
     double *chain = every + k * (own + other);
-    weight[k] = chains(lines, points + k * size, vertical_x + 2 * k, chain, chain + own);
+    weight[k] = line_chains(lines, points + k * size, vertical_x + 2 * k, chain, chain + own);
     double left = chain[0], right = chain[own - 2]; /* a bound may have been too far to be met */
     if (left < windows[0] || left > windows[1] || right < windows[2] || right > windows[3]) weight[k] = 0.0;
     if (!(weight[k] < INFINITE)) return 0;

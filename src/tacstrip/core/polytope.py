@@ -20,6 +20,7 @@ _ROUNDING = 1e-9
 _SLANTED = 1e-7  # a row less against the direction than this depends on the met ones; to pass it by is safe
 _ROUNDS = 12  # of adding the rows that are broken most
 _FIRST_ROWS, _MORE_ROWS = 6, 2  # rows to begin with and to add, per dimension
+_USED_ROWS = _FIRST_ROWS + _ROUNDS * _MORE_ROWS
 _FLAT = 1e-8  # of the scale: a polytope as thin has no inside
 _NEAREST = 24  # rows per dimension that the centre keeps away from
 _SELECTIONS, _STEPS = 3, 10
@@ -261,7 +262,7 @@ def largest(values: FloatArray, count: int) -> IntArray:
 
 
 def _minimax_workspace(rows: int, size: int) -> int:
-    return 3 * rows + (size + 5) * (min(rows, 30 * size) + 1) + 2 * (size + 1) * (size + 2)
+    return 3 * rows + (size + 5) * (min(rows, _USED_ROWS * size) + 1) + 2 * (size + 1) * (size + 2)
 
 
 def _centre_workspace(rows: int, size: int) -> int:

@@ -384,10 +384,12 @@ def _refined(
     # And both ends: no outline leaves more.
     if (run.residuals**2).sum() > _UNIFORM * (run.problem.readings + 2):
         return None
-    readings = {
-        name: np.where(out, np.nan, contact.readings[name])
-        for name, out in zip(scan.signatures, run.excluded, strict=True)
-    }
+    readings = contact.readings
+    if run.excluded.any():
+        readings = {
+            name: np.where(out, np.nan, readings[name])
+            for name, out in zip(scan.signatures, run.excluded, strict=True)
+        }
     band = ReadingBounds.of(sensor, sensor.x_mm[contact.fitted], readings, noise, contact.margin_mm)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # rubbish readings leave rubbish sets
         found = fewest(_candidates(run, sensor, chosen), band)

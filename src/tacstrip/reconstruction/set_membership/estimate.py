@@ -8,8 +8,9 @@ within the bound, there are more; if none with any number does, the model or the
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -17,18 +18,23 @@ import shapely
 
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.signature import signatures
-from tacstrip.core.hit_and_run import hit_and_run
+from tacstrip.core.binding import at as address
+from tacstrip.core.binding import exported
+from tacstrip.core.hit_and_run import SWEEPS, hit_and_run
 from tacstrip.errors import ContactError
-from tacstrip.geometry.moments import LEVEL, MomentDeviations
+from tacstrip.geometry.moments import LEVEL, UNKNOWN_ANGLE, MomentDeviations
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.set_membership.edge_lines import EdgeLines, ReadingBounds
 from tacstrip.reconstruction.set_membership.feasible_point import Effort, feasible_point
 from tacstrip.reconstruction.set_membership.feasible_set import feasible_set
-from tacstrip.reconstruction.set_membership.outlines import draw_outlines, scatter
+from tacstrip.reconstruction.set_membership.outlines import draw_outlines, scatter, shuffled_ends
 from tacstrip.reconstruction.set_membership.regions import guaranteed
 
 _EFFORT = 1_500.0  # for one outline
-_REACHES = (4.0, 12.0)  # standard errors of least squares within which a kink is looked for
+_REACH, _FURTHER = 4.0, 12.0  # standard errors of least squares within which a kink is looked for
+_NORMAL = -2.0 * math.log(
+    1.0 - LEVEL
+)  # squared Mahalanobis distance that holds so much of a normal error in the plane
 _BENT = 0.05  # of a reading's band: by how much the mean may leave it, as the set is not quite convex
 
 
@@ -48,8 +54,8 @@ class Bounded:
         distribution, because the set has an end.
     deviations
         How far area, centroid and orientation of these outlines are from the mean's; None of least squares.
-    band, lines, points
-        The readings' bounds, the outline's edges, and heights of edges (K, P) [mm] of outlines in the set.
+    band, points
+        The readings' bounds, and heights of edges (K, P) [mm] of outlines in the set.
     fallback
         The same of least squares; None if this is it.
     """
@@ -59,18 +65,22 @@ class Bounded:
     radii: FloatArray
     deviations: MomentDeviations | None
     band: ReadingBounds
-    lines: EdgeLines
     points: FloatArray
     fallback: Bounded | None = None
+
+    @cached_property
+    def lines(self) -> EdgeLines:
+        """The edges that points are heights of: those of the least-squares outline."""
+        return EdgeLines.of(self.of_least_squares().outline)[0]
 
     def of_least_squares(self) -> Bounded:
         """Return the same set with the least-squares outline, covariance and all."""
         return self.fallback or self
 
-    @property
+    @cached_property
     def region_covariance(self) -> FloatArray:
         """The scatter, scaled so that a normal distribution's 95 % region of a vertex holds 95 % of the outlines."""
-        scale = np.repeat(np.sqrt(self.radii / (-2.0 * np.log(1.0 - LEVEL))), 2)
+        scale = np.repeat(np.sqrt(self.radii / _NORMAL), 2)
         return self.covariance * np.outer(scale, scale)
 
     @cached_property
@@ -109,22 +119,71 @@ def refine(outline: Outline, covariance: FloatArray, band: ReadingBounds) -> Bou
     band
         The readings' bounds.
     """
+    core = exported("bounded")
+    told = None if core is None else _compiled(core, outline, covariance, band)
+    return plain_refine(outline, covariance, band) if told is None else told
+
+
+def plain_refine(outline: Outline, covariance: FloatArray, band: ReadingBounds) -> Bounded | None:
+    """Do as `refine`, step by step."""
     lines, heights = EdgeLines.of(outline)
-    normal = np.full(len(outline.vertices), -2.0 * np.log(1.0 - LEVEL))
-    least_squares = Bounded(outline, covariance, normal, None, band, lines, heights[None])
     try:
         points = _points(outline, covariance, band, lines, heights, Effort(_EFFORT))
     except np.linalg.LinAlgError:  # there are some, in a set too thin to compute with
-        return least_squares
+        return _least_squares(outline, covariance, band, heights[None])
     if points is None:
         return None
-    least_squares = replace(least_squares, points=points)
+    least_squares = _least_squares(outline, covariance, band, points)
     chains = draw_outlines(points, lines, band)
     mean = None if chains is None else _mean(*chains, lines, band)
     if chains is None or mean is None:
         return least_squares
-    refined = Bounded(mean, *scatter(mean, *chains), band, lines, points, least_squares)
+    return _finite(Bounded(mean, *scatter(mean, *chains), band, points, least_squares), least_squares)
+
+
+def _least_squares(
+    outline: Outline, covariance: FloatArray, band: ReadingBounds, points: FloatArray
+) -> Bounded:
+    return Bounded(outline, covariance, np.full(len(outline.vertices), _NORMAL), None, band, points)
+
+
+def _finite(refined: Bounded, least_squares: Bounded) -> Bounded:
     return refined if np.isfinite(refined.region_covariance).all() else least_squares
+
+
+def _compiled(
+    core: Callable[..., int], outline: Outline, covariance: FloatArray, band: ReadingBounds
+) -> Bounded | None:
+    """Do as `refine` in one call of the core; None where it does not find points at once."""
+    lower, upper = np.ascontiguousarray(outline.lower), np.ascontiguousarray(outline.upper)
+    n = len(outline.vertices)
+    split, both = len(lower), len(lower) + len(upper)
+    size = 2 * (both - 2)
+    covariance, shuffled = np.ascontiguousarray(covariance), shuffled_ends(SWEEPS)
+    points, mean, found = np.empty((SWEEPS, size)), np.empty((both, 2)), np.empty(4 * n * n + n + 4)
+    scattered = address(found), address(found) + 32 * n * n, address(found) + 8 * (4 * n * n + n)
+    chains = address(lower), len(lower), address(upper), len(upper)
+    given = band.compiled, band.sensor.pitch_mm, *chains
+    out = address(covariance), address(shuffled), SWEEPS, address(points), address(mean), *scattered
+    room = (size + 10) * (6 * len(band.low) * len(band.x) + 6 * SWEEPS)
+    for _ in range(3):  # as much room as mostly does, then as much as it says
+        workspace = np.empty(room)
+        told = core(*given, *out, address(workspace), room)
+        if told >= 0:
+            break
+        room = -told
+    if told <= 0:
+        return None
+    least_squares = _least_squares(outline, covariance, band, points)
+    if told == 1:
+        return least_squares
+    middle = Outline.held(mean[:split], mean[split:])
+    v = len(middle.vertices)
+    area, x, y, turn = found[4 * n * n + n :].tolist()
+    deviations = (area, np.array([x, y]), min(turn, UNKNOWN_ANGLE))
+    scatter = found[: 4 * v * v].reshape(2 * v, 2 * v)
+    radii = found[4 * n * n : 4 * n * n + v]
+    return _finite(Bounded(middle, scatter, radii, deviations, band, points, least_squares), least_squares)
 
 
 def _mean(lower: FloatArray, upper: FloatArray, lines: EdgeLines, band: ReadingBounds) -> Outline | None:
@@ -178,7 +237,7 @@ def _points(
         found = feasible_point(bounds, band, lines, widths, heights, effort)
         return None if found is None else hit_and_run(bounds.rows, bounds.pairs, *found)
 
-    for reach in _REACHES:
+    for reach in (_REACH, _FURTHER):
         zones = within(lines, outline.vertices[kinks, 0], reach * error, band)
         points = drawn(zones, _widths(band, outline.lower, outline.upper), heights)
         if points is None:

@@ -59,11 +59,12 @@ def plain_draw_outlines(
 def _vertical_x(band: ReadingBounds, count: int) -> FloatArray:
     """Return x (K, 2) [mm] of vertical ends: nothing tells where in its window one lies, nor one end of the other."""
     windows = band.windows
-    return np.asarray(windows[:, 0] + (_shuffled(count) + 0.5) / count * (windows[:, 1] - windows[:, 0]))
+    return np.asarray(windows[:, 0] + (shuffled_ends(count) + 0.5) / count * (windows[:, 1] - windows[:, 0]))
 
 
 @cache
-def _shuffled(count: int) -> FloatArray:
+def shuffled_ends(count: int) -> FloatArray:
+    """Return both columns 0 to count - 1 in some order (count, 2), always the same."""
     random = np.random.default_rng(0)
     return np.stack([random.permutation(count), random.permutation(count)], axis=1).astype(float)
 
