@@ -61,7 +61,7 @@ static void runs(void) {
     if (which > 1) readings[STRIPS + 60] = 7.0;
     double sigma = which % 2 ? 0.0 : 0.004 / 1.7320508075688772;
     RunTask task = {problem, sigma, {0.0, STRIPS, LENGTH}, x_mm, STRIPS, &run, k, weight, residuals, excluded};
-    tacstrip_fit_runs(&task, 1, 1e-5, MAX_VERTICES, 0, workspace);
+    tacstrip_fit_runs(&task, 1, 1e-5, MAX_VERTICES, 0, normals, 8, workspace);
     Polygon *best = run.found + run.best;
     show("run", best->theta, (END_ENTRIES + 2 * (unsigned)best->m) * sizeof(double));
     show("residuals", residuals, sizeof residuals);

@@ -17,7 +17,7 @@ TWINS = {
         "core.polytope",
     ),
     "closed_form.h": ("core.problem", "core.cost"),
-    "core.h": ("core.binding", "core.score_test"),
+    "core.h": ("core.binding", "core.score_test", "core.swept_area"),
     "descent.c": ("core.descent", "core.polygon_fit"),
     "feasible_set.c": ("reconstruction.set_membership.feasible_set",),
     "internal.h": ("core.problem",),

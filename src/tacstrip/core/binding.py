@@ -173,7 +173,8 @@ OUTLINE_PRIOR = np.dtype(
 RUN = np.dtype(
     _fields(
         count="i8", best="i8", equal="i8", sigma="f8", advantage="f8", ellipse_cost="f8",
-        ellipse="5f8", information="(5,5)f8", told="i8", height="f8", points=f"{2 * MAX_VERTICES + 8}f8",
+        ellipse="5f8", information="(5,5)f8", squares="f8", pairs="f8", inward="i8", told="i8",
+        height="f8", swept="f8", points=f"{2 * MAX_VERTICES + 8}f8",
         covariance=f"{(SIZE + 2) ** 2}f8", found=(POLYGON, MAX_VERTICES + 1),
     )
 )  # fmt: skip
@@ -193,7 +194,7 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "chains": (None, (_POINTER, *[_DOUBLE] * 3, _INT, _POINTER, _POINTER)),
     "places": (_INT, (_PROBLEM, _POINTER, _INT, _POINTER, _POINTER)),
     "fit_counts": (_INT, (_PROBLEM, _INT, _INT, _INT, _INT, _POINTER, _POINTER, _POINTER)),
-    "fit_runs": (None, (_POINTER, _INT, _DOUBLE, _INT, _INT, _POINTER)),
+    "fit_runs": (None, (_POINTER, _INT, _DOUBLE, _INT, _INT, _POINTER, _INT, _POINTER)),
     "fit_ellipse": (_DOUBLE, (_PROBLEM, _POINTER, _DOUBLE, _POINTER, _POINTER)),
     "lowest": (_DOUBLE, (*[_POINTER] * 5, _INT, _INT, _POINTER)),
     "minimax": (_INT, (*[_POINTER] * 3, _DOUBLE, _INT, _INT, _POINTER, _POINTER)),

@@ -23,6 +23,8 @@
 #define COARSEST 200           /* strips that a search has left after averaging, at most */
 #define SEARCH_WORKSPACE 3613  /* doubles that a search works in: 5 COARSEST, and 13 for each strip and one more */
 
+#define NEARLY_ALL 0.95        /* of outlines that are drawn */
+
 #define KNOTS 20               /* points of one chain of a sampled outline, both ends included */
 #define MOST_CORNERS 26        /* vertices of a sampled outline */
 #define HOTTEST 6              /* temperatures of a sampler */
@@ -129,9 +131,12 @@ typedef struct {
   double sigma;    /* of a reading: as given, or what the residuals say [Vref] */
   double advantage; /* how much better the criterion of an ellipse is; -inf where none was fitted */
   double ellipse_cost, ellipse[5], information[25]; /* as fit_ellipse has them */
-  Int told;        /* whether the covariance is written */
-  double height;   /* the chosen polygon's greatest one [mm], and its lower and upper chain, as `chains` has them */
-  double points[2 * MAX_VERTICES + 8], covariance[(SIZE + 2) * (SIZE + 2)]; /* (2 V, 2 V), as vertex_covariance has it */
+  double squares, pairs; /* sums of the residuals' squares, and of neighbouring ones' products */
+  /* Of the chosen polygon: whether a corner turns inwards, whether the covariance is written, its greatest height [mm], and
+     the share of its area that NEARLY_ALL outlines sweep which the covariance allows; then its lower and upper chain, as
+     `chains` has them, and the covariance (2 V, 2 V), as vertex_covariance has it. */
+  Int inward, told;
+  double height, swept, points[2 * MAX_VERTICES + 8], covariance[(SIZE + 2) * (SIZE + 2)];
   Polygon found[MAX_VERTICES + 1]; /* ascending in m */
 } Run;
 
@@ -273,9 +278,11 @@ typedef struct {
 } RunTask;
 
 /* Whole runs (count,) from readings to fits, each by itself. A sigma that is estimated is `step` at least. max_vertices and
-   n_vertices as for fit_counts. workspace (SEARCH_WORKSPACE + (4 + 2 signatures) n,) for the longest of them. */
+   n_vertices as for fit_counts. normal (SIZE + 3,): for polygons of so many coordinates where there are such, normal draws
+   (draws, coordinates). workspace (SEARCH_WORKSPACE + (4 + 2 signatures) n,) for the longest of them, and at least
+   ((SIZE + 2) (SIZE + 3 + draws) + draws + 1,). */
 EXPORTED void tacstrip_fit_runs(const RunTask *tasks, Int count, double step, Int max_vertices, Int n_vertices,
-                                double *workspace);
+                                const double *const *normal, Int draws, double *workspace);
 
 /* Write the outlines within the band whose kinks lie in their zones (count - 2, 2) [mm], and turn as the lines do, as rows
    over the heights, and pairs of rows of which one holds: a (size, rows), b and edge (rows,), the slack over which

@@ -227,22 +227,67 @@ static void fit(Fitter *f, double sigma, Flag *out, Run *run) {
   }
 }
 
-/* Say in mm what the chosen polygon is. */
-static void describe(const RunTask *task, const Problem *now) {
-  Run *run = task->run;
-  const Polygon *best = run->found + run->best;
-  const double *mm = task->mm;
-  Int low = 2;
-  run->told = 0;
-  if (run->count == 0) return;
-  for (Int j = 0; j < best->m; j++) low += !best->upper[j];
-  double *upper = run->points + 2 * low;
-  tacstrip_chains(best, mm[0], mm[1], mm[2], 1, run->points, upper);
-  run->height = greatest_height(run->points, low, upper, best->m + 4 - low);
-  run->told = tacstrip_vertex_covariance(now, best, 1, mm[0], mm[1], mm[2], task->x_mm, task->strips, run->covariance);
+/* Whether a corner of chains (count, 2), x ascending, turns inwards. */
+static int turns_inward(const double *lower, Int low, const double *upper, Int high) {
+  for (int side = 0; side < 2; side++) {
+    const double *chain = side ? upper : lower;
+    double sign = side ? -1.0 : 1.0, before = -INFINITE;
+    for (Int i = 1; i < (side ? high : low); i++) {
+      double slope = sign * ((chain[2 * i + 1] - chain[2 * i - 1]) / (chain[2 * i] - chain[2 * i - 2]));
+      if (slope < before) return 1;
+      before = slope;
+    }
+  }
+  return 0;
 }
 
-static void fit_run(const RunTask *task, double step, Int max_vertices, Int n_vertices, double *workspace) {
+/* The share of its area that NEARLY_ALL outlines sweep which a covariance allows, of a polygon (count, 2). */
+static double swept_share(const double *corners, Int count, const double *covariance, const double *normal, Int draws,
+                          double *workspace) {
+  double *areas = workspace, *off = areas + draws, twice = 0.0;
+  tacstrip_swept_areas(corners, covariance, count, normal, draws, off, areas, off + 2 * count * draws);
+  for (Int i = 1; i + 1 < count; i++) {
+    const double *a = corners + 2 * i;
+    twice += (a[0] - corners[0]) * (a[3] - corners[1]) - (a[2] - corners[0]) * (a[1] - corners[1]);
+  }
+  return twice > 0.0 ? threshold(areas, draws, draws - (Int)(NEARLY_ALL * (double)draws)) / (0.5 * twice) : INFINITE;
+}
+
+/* Say what the fit leaves over, and in mm what the chosen polygon is. */
+static void describe(const RunTask *task, const Problem *now, const double *const *normal, Int draws, double *workspace) {
+  Run *run = task->run;
+  const Polygon *best = run->found + run->best;
+  const double *mm = task->mm, *r = task->residuals;
+  double corners[SIZE + 2], unit[2 * MAX_VERTICES + 8];
+  Int n = now->n, low = 2, count = 0;
+  run->told = run->inward = 0;
+  run->squares = run->pairs = 0.0;
+  run->height = 0.0;
+  run->swept = INFINITE;
+  for (Int i = 0; i < now->signatures * n; i++) {
+    run->squares += r[i] * r[i];
+    if (i % n) run->pairs += r[i] * r[i - 1];
+  }
+  if (run->count == 0) return;
+  for (Int j = 0; j < best->m; j++) low += !best->upper[j];
+  Int high = best->m + 4 - low;
+  double *lower = run->points, *upper = lower + 2 * low;
+  tacstrip_chains(best, 0.0, 1.0, 1.0, 0, unit, unit + 2 * low);
+  run->inward = turns_inward(unit, low, unit + 2 * low, high);
+  tacstrip_chains(best, mm[0], mm[1], mm[2], 1, lower, upper);
+  run->height = greatest_height(lower, low, upper, high);
+  run->told = tacstrip_vertex_covariance(now, best, 1, mm[0], mm[1], mm[2], task->x_mm, task->strips, run->covariance);
+  if (!run->told) return;
+  for (Int i = 0; i < 2 * low; i++) corners[count++] = lower[i];
+  for (Int i = high - 1 - !best->vertical[1]; i >= !best->vertical[0]; i--) {
+    corners[count++] = upper[2 * i];
+    corners[count++] = upper[2 * i + 1];
+  }
+  run->swept = swept_share(corners, count / 2, run->covariance, normal[count], draws, workspace);
+}
+
+static void fit_run(const RunTask *task, double step, Int max_vertices, Int n_vertices, const double *const *normal,
+                    Int draws, double *workspace) {
   Fitter f;
   const Problem *raw = &task->problem;
   Int n = raw->n;
@@ -275,9 +320,10 @@ static void fit_run(const RunTask *task, double step, Int max_vertices, Int n_ve
     start = task->run->sigma; /* curvature passed for noise, and made what is known of the ends weigh too much */
   }
   for (Int i = 0; i < f.all; i++) task->excluded[i] &= f.there[i];
-  describe(task, &f.now);
+  describe(task, &f.now, normal, draws, workspace);
 }
 
-void tacstrip_fit_runs(const RunTask *tasks, Int count, double step, Int max_vertices, Int n_vertices, double *workspace) {
-  for (Int i = 0; i < count; i++) fit_run(tasks + i, step, max_vertices, n_vertices, workspace);
+void tacstrip_fit_runs(const RunTask *tasks, Int count, double step, Int max_vertices, Int n_vertices,
+                       const double *const *normal, Int draws, double *workspace) {
+  for (Int i = 0; i < count; i++) fit_run(tasks + i, step, max_vertices, n_vertices, normal, draws, workspace);
 }

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import ctypes
+import math
 from functools import cache
 
 import numpy as np
 
 from tacstrip.arrays import FloatArray
-from tacstrip.core.binding import at, exported
+from tacstrip.core.binding import SIZE, at, exported
+from tacstrip.geometry.moments import area
 
-DRAWS = 64
+DRAWS, NEARLY_ALL = 64, 0.95
 _SINGULAR = 1e-12  # of a variance: what is left of it once others are known, which rounding may leave
 
 
@@ -52,6 +55,27 @@ def plain_swept_areas(vertices: FloatArray, covariance: FloatArray) -> tuple[Flo
     step = np.hypot(off[..., 0], off[..., 1])
     longer, both = np.maximum(step, step[:, after]), step + step[:, after]
     return off, np.asarray((longer * (edge + both)).sum(axis=1))
+
+
+def swept_share(vertices: FloatArray, covariance: FloatArray) -> float:
+    """Return the share of its area that nearly all outlines sweep; arguments as of `swept_areas`.
+
+    inf without an area. Where the core fits runs, it says this of their polygons too.
+    """
+    own = area(vertices)
+    most = np.sort(swept_areas(vertices, covariance)[1])[int(NEARLY_ALL * DRAWS)]
+    return float(most) / own if own > 0.0 else math.inf
+
+
+@cache
+def draws_by_size() -> tuple[ctypes.Array[ctypes.c_void_p], tuple[FloatArray, ...]]:
+    """Return where the draws for so many coordinates lie (SIZE + 3,), null where no polygon has so many; and these."""
+    sizes = range(4, SIZE + 3, 2)
+    drawn = tuple(_normal(size) for size in sizes)
+    addresses = (ctypes.c_void_p * (SIZE + 3))()
+    for size, one in zip(sizes, drawn, strict=True):
+        addresses[size] = at(one)
+    return addresses, drawn
 
 
 @cache

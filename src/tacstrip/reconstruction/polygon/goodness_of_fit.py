@@ -46,10 +46,14 @@ _SPREAD = {"uniform": 0.8, "normal": 2.0}  # variance of a squared error over si
 
 def chi_square_score(residuals: FloatArray, freedom: int, distribution: str) -> float:
     """Return how many standard deviations the squared residuals exceed what sigma allows."""
+    return _chi_square_score(float((residuals**2).sum()), freedom, distribution)
+
+
+def _chi_square_score(squares: float, freedom: int, distribution: str) -> float:
     if freedom < 1:
         return 0.0
     # Wilson and Hilferty's cube root makes chi square nearly normal; a uniform error's square spreads less.
-    root = (float((residuals**2).sum()) / freedom) ** (1.0 / 3.0)
+    root = (squares / freedom) ** (1.0 / 3.0)
     small = _SPREAD[distribution] / (9.0 * freedom)
     return float((root - (1.0 - small)) / math.sqrt(small))
 
@@ -59,19 +63,23 @@ def autocorrelation_score(residuals: FloatArray, readings: int) -> float:
 
     0 where they are far below the noise, or all rounding.
     """
-    squares = float((residuals**2).sum())
-    if squares < _FAINT * readings:
-        return 0.0
-    pairs = float((residuals[:, 1:] * residuals[:, :-1]).sum())
-    return math.sqrt(readings) * pairs / squares
+    return _autocorrelation_score(*_sums(residuals), readings)
+
+
+def _sums(r: FloatArray) -> tuple[float, float]:
+    return float((r**2).sum()), float((r[:, 1:] * r[:, :-1]).sum())
+
+
+def _autocorrelation_score(squares: float, pairs: float, readings: int) -> float:
+    return 0.0 if squares < _FAINT * readings else math.sqrt(readings) * pairs / squares
 
 
 def explains(run: RunFit, distribution: str, outline: Outline) -> bool:
     """Whether an outline that is not the least-squares one leaves no more of a run's readings than noise does."""
-    residuals, readings = PolygonFit.of(outline, run.problem).residuals(run.problem), run.problem.readings
+    sums, readings = _sums(PolygonFit.of(outline, run.problem).residuals(run.problem)), run.problem.readings
     # It follows the noise less than least squares does, so that nothing is taken off the freedom.
-    score = chi_square_score(residuals, readings, distribution)
-    return max(score, autocorrelation_score(residuals, readings)) <= _ALARM
+    score = _chi_square_score(sums[0], readings, distribution)
+    return max(score, _autocorrelation_score(*sums, readings)) <= _ALARM
 
 
 def misfit(
@@ -90,14 +98,17 @@ def misfit(
     errors
         Of the readings, where they are not independent.
     """
-    residuals, freedom = (run.residuals, run.freedom) if errors is None else errors.whitened(covariance)
-    if distribution is not None and chi_square_score(residuals, freedom, distribution) > _ALARM:
-        times = math.sqrt(float((residuals**2).sum()) / freedom)
+    (squares, pairs), freedom = run.residual_sums, run.freedom
+    if errors is not None:
+        residuals, freedom = errors.whitened(covariance)
+        squares, pairs = _sums(residuals)
+    if distribution is not None and _chi_square_score(squares, freedom, distribution) > _ALARM:
+        times = math.sqrt(squares / freedom)
         return (
             f"the readings are {times:.3g} times as far from the best outline as the noise explains: the contact "
             f"may {_more(run)}be concave or two objects on the same strips, or the noise larger than given"
         )
-    if autocorrelation_score(residuals, run.problem.readings) > _ALARM:
+    if _autocorrelation_score(squares, pairs, run.problem.readings) > _ALARM:
         return (
             "what the best outline leaves over hangs together from strip to strip: the contact may be concave, "
             "curved, or two objects on the same strips"
@@ -135,7 +146,8 @@ def second_look(
     if len(run.problem.k) == 1 or selection is None:
         return wrong, None
     problem, fit = run.problem, selection.chosen
-    inward = inward_corners(fit)
+    told = run.model_mm.inward
+    inward = any(inward_corners(fit)) if told is None else told
     if one_end_off(run, sensor, readings):
         wrong = wrong or (
             "what was left out may be of a second object, or of an overhang: it moves one end of the contact and "
@@ -149,7 +161,7 @@ def second_look(
             sigma = min(sigma, level)
         elif level > _NOISIER * sigma:
             return wrong, None  # of readings that scatter more than the noise given, jumps tell nothing
-    if not (wrong or run.excluded.any() or any(inward) or sigma < _SMOOTHED * run.sigma) or (
+    if not (wrong or run.excluded.any() or inward or sigma < _SMOOTHED * run.sigma) or (
         distribution is None and run.sigma > MOST_SIGMA
     ):
         return wrong, None
@@ -167,7 +179,7 @@ def second_look(
     if wrong:
         more = f"; at least {pieces.count} convex pieces explain the readings"
         return wrong if pieces.count == 1 else wrong + more, None
-    pair = _pair_of(run, sensor, pieces, inward)
+    pair = _pair_of(run, sensor, pieces, inward_corners(fit))
     jumps = [cut for _, cut in pieces.cuts if cut.kind != "corner"]
     step = max((cut.rise for cut in jumps), default=0.0)
     jump = f"an end jumps by {step:.3g} mm from one strip to the next"

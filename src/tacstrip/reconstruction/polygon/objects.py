@@ -382,7 +382,7 @@ def _refined(
     run = contact.run
     assert run.selection is not None
     # And both ends: no outline leaves more.
-    if (run.residuals**2).sum() > _UNIFORM * (run.problem.readings + 2):
+    if run.residual_sums[0] > _UNIFORM * (run.problem.readings + 2):
         return None
     readings = contact.readings
     if run.excluded.any():

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.core.binding import MAX_VERTICES, RUN, RunTask, at, exported, search_workspace
+from tacstrip.core.binding import MAX_VERTICES, RUN, SIZE, RunTask, at, exported, search_workspace
 from tacstrip.core.ellipse import Ellipse, fit_ellipse
 from tacstrip.core.model_selection import complexity_penalty, deviance, per_vertex_penalty
 from tacstrip.core.outliers import isolated_outliers, spikes
@@ -20,6 +20,7 @@ from tacstrip.core.outline_model import OutlineModel
 from tacstrip.core.polygon_fit import FoundPolygons
 from tacstrip.core.problem import FLOOR, FitProblem
 from tacstrip.core.search import ModelSelection, fit_counts
+from tacstrip.core.swept_area import DRAWS, draws_by_size
 from tacstrip.geometry.outline import Outline, max_height
 from tacstrip.reconstruction.sections import reading_noise
 from tacstrip.robust import robust_sigma
@@ -38,12 +39,28 @@ _SPARE = 1  # readings beyond the numbers fitted, without which nothing can be t
 
 @dataclass(frozen=True, eq=False)
 class ModelInMm:
-    """A model's lower and upper chain (M, 2), (N, 2), greatest height, and covariance where the core told it [mm]."""
+    """A model in mm, and what the core told of it.
+
+    Attributes
+    ----------
+    lower, upper
+        Chains (M, 2), (N, 2) [mm].
+    height
+        The greatest distance between them in y [mm].
+    covariance
+        Of its vertices (2 V, 2 V) [mm^2], None where that was not told.
+    swept
+        Its `swept_share`, told with the covariance.
+    inward
+        Whether a corner turns inwards; None where that was not told.
+    """
 
     lower: FloatArray
     upper: FloatArray
     height: float
     covariance: FloatArray | None = None
+    swept: float = np.inf
+    inward: bool | None = None
 
     @classmethod
     def of(cls, model: OutlineModel, problem: FitProblem) -> ModelInMm:
@@ -108,6 +125,12 @@ class RunFit:
         if self.model is None or self.model_mm.height <= 0.0:
             return None
         return Outline(self.model_mm.lower, self.model_mm.upper)
+
+    @cached_property
+    def residual_sums(self) -> tuple[float, float]:
+        """Sums of the residuals' squares, and of the products of neighbouring ones."""
+        r = self.residuals
+        return float((r**2).sum()), float((r[:, 1:] * r[:, :-1]).sum())
 
     @cached_property
     def residuals(self) -> FloatArray:
@@ -209,9 +232,12 @@ def fit_runs(
         tasks[i] = RunTask(problem.compiled, sigma, in_mm, *every, *places)
         tasks[i].problem.k = at(raw)
         made.append((problem, excluded, residuals, raw))
-    workspace = search_workspace(2 * longest)
+    normal, _ = draws_by_size()
+    workspace = search_workspace(max(2 * longest, (SIZE + 2) * (SIZE + 3 + DRAWS) + DRAWS))
     step = sensor.adc_step / math.sqrt(12.0)
-    core(ctypes.addressof(tasks), len(runs), step, max_vertices, n_vertices or 0, at(workspace))
+    core(
+        ctypes.addressof(tasks), len(runs), step, max_vertices, n_vertices or 0, normal, DRAWS, at(workspace)
+    )
     numbers = zip(*(records[name].tolist() for name in _NUMBERS), strict=True)
     return [
         _of_record(problem, records[i], of_run, *rest[:2])
@@ -219,7 +245,11 @@ def fit_runs(
     ]
 
 
-_NUMBERS = "count", "best", "equal", "sigma", "advantage", "ellipse_cost", "told", "height"  # of a `RUN`
+# Of a `RUN`.
+_NUMBERS = (
+    "count", "best", "equal", "sigma", "advantage", "ellipse_cost",
+    "squares", "pairs", "inward", "told", "height", "swept",
+)  # fmt: skip
 
 
 def _of_record(
@@ -230,7 +260,7 @@ def _of_record(
     residuals: FloatArray,
 ) -> RunFit:
     """Return what the compiled core left in a `RUN`, of which all single numbers are read already."""
-    count, best, equal, sigma, advantage, ellipse_cost, told, height = numbers
+    count, best, equal, sigma, advantage, ellipse_cost, squares, pairs, inward, told, height, swept = numbers
     selection, ellipse = None, None
     if count:
         fits = FoundPolygons(record["found"][:count].copy())
@@ -238,13 +268,14 @@ def _of_record(
     if advantage > -np.inf:
         ellipse = Ellipse(record["ellipse"], ellipse_cost, record["information"])
     run = RunFit(problem, selection, sigma, excluded, ellipse, advantage)
-    run.__dict__["residuals"] = residuals  # the cached properties' place
+    own = run.__dict__  # the cached properties' place
+    own["residuals"], own["residual_sums"] = residuals, (squares, pairs)
     if selection is not None and not advantage > 0.0:
         chosen = selection.chosen
         size, low = 2 * chosen.n_vertices, 2 + chosen.n_interior - sum(chosen.chain.tolist())
         points = record["points"][: 2 * chosen.n_interior + 8].copy().reshape(-1, 2)
         covariance = record["covariance"][: size * size].copy().reshape(size, size) if told else None
-        run.__dict__["model_mm"] = ModelInMm(points[:low], points[low:], height, covariance)
+        own["model_mm"] = ModelInMm(points[:low], points[low:], height, covariance, swept, bool(inward))
     return run
 
 

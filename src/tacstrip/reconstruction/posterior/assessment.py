@@ -12,10 +12,9 @@ from tacstrip.arrays import FloatArray
 from tacstrip.core.ellipse import Ellipse
 from tacstrip.core.outline_model import OutlineModel
 from tacstrip.core.polygon_fit import PolygonFit
-from tacstrip.core.swept_area import swept_areas
+from tacstrip.core.swept_area import NEARLY_ALL, swept_areas, swept_share
 from tacstrip.errors import OptionError, one_of
 from tacstrip.geometry.metrics import column_iou
-from tacstrip.geometry.moments import area
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.polygon.goodness_of_fit import MOST_SIGMA
 from tacstrip.reconstruction.polygon.run import RunFit
@@ -49,7 +48,7 @@ _ALARM = 3.5
 _LIGHTEST, _MOST = 0.05, 4  # weight of an alternative, and how many are told
 # IoU of nearly all outlines that the covariance allows: nothing to sample, and what it is worth.
 _FIRM, _SURE = 0.9, 0.995
-_STRIPS, _NEARLY_ALL = 12, 0.95
+_STRIPS = 12
 _SWEPT = 1.0 - _FIRM  # of the area: what differs by no more overlaps as much
 
 
@@ -220,13 +219,17 @@ def _alternatives(drawn: Draws, alike: np.ndarray, own: np.ndarray, weight: floa
 
 def _firm(run: RunFit, outline: Outline, covariance: FloatArray) -> bool:
     """Whether the covariance leaves hardly any other outline."""
-    if run.problem.x.size < _STRIPS or not np.isfinite(covariance).all():
+    if run.problem.x.size < _STRIPS:
         return False
-    off, swept = swept_areas(outline.vertices, covariance)
-    if np.count_nonzero(swept <= _SWEPT * area(outline.vertices)) > _NEARLY_ALL * len(swept):
+    told = run.model_mm
+    if covariance is told.covariance and told.swept <= _SWEPT:
         return True
-    moved = outline.vertices + off
+    if not np.isfinite(covariance).all():
+        return False
+    if swept_share(outline.vertices, covariance) <= _SWEPT:
+        return True
+    moved = outline.vertices + swept_areas(outline.vertices, covariance)[0]
     at, (lower, upper) = columns(run.problem), outline.indices
     own = column_ends(run.problem, at, outline.lower, outline.upper)
     drawn = column_ends(run.problem, at, moved[:, lower], moved[:, upper])
-    return bool(np.mean(column_iou(drawn, own) >= _FIRM) > _NEARLY_ALL)
+    return bool(np.mean(column_iou(drawn, own) >= _FIRM) > NEARLY_ALL)
