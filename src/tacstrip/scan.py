@@ -6,6 +6,7 @@ import math
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import isfinite
 from numbers import Real
 from typing import Any, Self
@@ -36,7 +37,7 @@ _SINGLE = {"electrodes": None, "averaged": 1, "span_s": 0.0, "moved": 0.0}  # of
 class Signatures:
     """Readings by signature, of one scan (strips,) or of many (scans, strips); NaN where nothing touches."""
 
-    @property
+    @cached_property
     def signatures(self) -> tuple[str, ...]:
         """Names of the signatures that were measured."""
         return tuple(name for name in SIGNATURES if getattr(self, name) is not None)
@@ -220,6 +221,8 @@ class Scan(Signatures, Drawn):
     def runs(self) -> list[slice]:
         """Return the runs of neighbouring touched strips: a signature, an object each (4.2.4, step 1)."""
         at = self.touched.nonzero()[0]
+        if len(at) and (last := int(at[-1])) - (first := int(at[0])) == len(at) - 1:
+            return [slice(first, last + 1)]
         gaps = (at[1:] - at[:-1] > 1).nonzero()[0]
         begins, ends = at[[0, *gaps + 1]] if len(at) else at, at[[*gaps, -1]] if len(at) else at
         return [slice(a, b + 1) for a, b in zip(begins.tolist(), ends.tolist(), strict=True)]
@@ -241,7 +244,7 @@ class Scan(Signatures, Drawn):
         """Return what counts of the scan: without channels that the spec leaves out; errors as of `check`."""
         self.check(sensor)
         read = leave_out(sensor, {name: self[name] for name in self.signatures})
-        alive = [name for name, k in read.items() if np.isfinite(k).any()]
+        alive = [name for name, k in read.items() if np.count_nonzero(k == k)]  # NaN is not itself
         if not sensor.without and len(alive) in (0, len(read)):
             return self
         kept: dict[str, Any] = {name: read[name] if name in alive or not alive else None for name in read}

@@ -53,6 +53,10 @@ static void runs(void) {
   static double x[STRIPS], k[2 * STRIPS], weight[2 * STRIPS], residuals[2 * STRIPS];
   static unsigned char excluded[2 * STRIPS];
   static Run run;
+  static double normal[8 * (SIZE + 2)];
+  const double *normals[SIZE + 3];
+  for (int i = 0; i < 8 * (SIZE + 2); i++) normal[i] = number() - 0.5;
+  for (int i = 0; i < SIZE + 3; i++) normals[i] = normal;
   for (int which = 0; which < 4; which++) {
     Problem problem = {STRIPS, 2, x, readings, weight, 1.0 / STRIPS, {0.5, 0.0}, 0.5, which == 1 ? 0.02 : 0.0};
     measure(0.004);
@@ -65,6 +69,8 @@ static void runs(void) {
     Polygon *best = run.found + run.best;
     show("run", best->theta, (END_ENTRIES + 2 * (unsigned)best->m) * sizeof(double));
     show("residuals", residuals, sizeof residuals);
+    show("swept", &run.swept, sizeof run.swept);
+    show("sums", &run.squares, 2 * sizeof run.squares);
     show("excluded", excluded, sizeof excluded);
     double low[2 * (MAX_VERTICES + 2)], high[2 * (MAX_VERTICES + 2)];
     Int above = 2;
@@ -76,7 +82,7 @@ static void runs(void) {
     unsigned size = 2 * (unsigned)(best->m + 2 + best->vertical[0] + best->vertical[1]);
     problem.k = k;
     if (tacstrip_vertex_covariance(&problem, best, 1, 0.0, STRIPS, LENGTH, x_mm, STRIPS, covariance)) {
-      double corners[SIZE + 2], normal[8 * (SIZE + 2)], off[8 * (SIZE + 2)], areas[8];
+      double corners[SIZE + 2], off[8 * (SIZE + 2)], areas[8];
       show("covariance", covariance, size * size * sizeof(double));
       for (unsigned i = 0; i < size; i++) corners[i] = 60.0 * number();
       for (unsigned i = 0; i < 8 * size; i++) normal[i] = number() - 0.5;
@@ -133,6 +139,15 @@ static void bounded(void) {
     show("scatter", covariance, sizeof covariance);
     show("radii", radii, sizeof radii);
     show("deviations", deviations, sizeof deviations);
+    double shuffled[2 * SWEEPS], own[64] = {0.0}, both[12];
+    for (int i = 0; i < 2 * SWEEPS; i++) shuffled[i] = i % 2 ? SWEEPS - 1 - i / 2 : i / 2;
+    for (int i = 0; i < 64; i += 9) own[i] = 0.1;
+    Int told = tacstrip_bounded(&band, 1.0, LOWER[0], 3, UPPER[0], 3, own, shuffled, SWEEPS, points, both, covariance,
+                                radii, deviations, workspace, sizeof workspace / sizeof *workspace);
+    show("told", &told, sizeof told);
+    if (told < 2) continue;
+    show("mean", both, sizeof both);
+    show("scatter", covariance, sizeof covariance);
   }
 }
 

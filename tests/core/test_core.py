@@ -397,6 +397,30 @@ def test_covariances_agree(vertical_ends: tuple[int, int]) -> None:
     np.testing.assert_allclose(got / np.outer(scale, scale), wanted / np.outer(scale, scale), atol=1e-6)
 
 
+@needs_core
+def test_covariances_of_loose_edges_agree() -> None:
+    """Of edges across two or three strips, of which the edges beside explain some."""
+    random, loose, n = np.random.default_rng(3), 0, 60
+    sensor = Sensor(construction="crs-crs", strips=n, pitch_mm=1.0, length_mm=60.0)
+    for seed in range(200):
+        fit, problem = _case(seed, MODELS[seed % len(MODELS)], (seed % 2, seed // 2 % 2), n)
+        chain = np.array([side for side in (0, 1) for _ in range(3)])
+        x = np.concatenate(
+            [at + np.array([0.0, 1.5, 3.0]) * random.uniform(0.7, 1.6) / n for at in (0.3, 0.6)]
+        )
+        y = np.where(chain == 0, 0.25, 0.75) + random.normal(0.0, 0.01, 6)
+        theta = np.concatenate([fit.theta[:END_ENTRIES], np.stack([x, y], axis=1).ravel()])
+        made = PolygonFit(theta, chain, fit.vertical_ends, 0.0)
+        weight = np.full(problem.k.shape, 10.0 ** random.uniform(2.0, 6.0))
+        weight[:, random.integers(0, n)] = 0.0
+        problem = _with(problem, made.readings(problem), weight)
+        loose += made._with_loose_edges(problem) is not made
+        got, truth = made.covariance(problem, sensor), made.plain_covariance(problem, sensor)
+        scale = np.sqrt(truth.diagonal())
+        np.testing.assert_allclose(got / np.outer(scale, scale), truth / np.outer(scale, scale), atol=1e-9)
+    assert 20 < loose < 180
+
+
 @pytest.mark.parametrize("rank", [8, 5])
 def test_swept_areas_agree_and_scatter_as_the_covariance_says(rank: int) -> None:
     random = np.random.default_rng(rank)

@@ -9,7 +9,11 @@ import tacstrip as ts
 from polygons import convex_polygon
 from tacstrip.arrays import FloatArray
 from tacstrip.core.binding import exported
-from tacstrip.reconstruction.polygon.run import fit_run, plain_fit_run
+from tacstrip.core.polygon_fit import PolygonFit
+from tacstrip.core.swept_area import swept_share
+from tacstrip.geometry.outline import Outline
+from tacstrip.reconstruction.polygon.convexity import inward_corners
+from tacstrip.reconstruction.polygon.run import ModelInMm, RunFit, fit_run, plain_fit_run
 
 pytestmark = pytest.mark.skipif(exported("fit_runs") is None, reason="the core is not compiled here")
 _ANGLE = np.linspace(0.0, 6.2, 60)
@@ -25,6 +29,31 @@ def _spoil(k: FloatArray, how: str, random: np.random.Generator) -> None:
     )
     at = random.choice(len(k), places, replace=False)
     k[at] = {"missing": np.nan, "impossible": 7.0}.get(how, 0.9) if how != "rough" else random.random(places)
+
+
+def _check_in_mm(run: RunFit, sensor: ts.Sensor) -> None:
+    """What the core says of a run's polygon is what Python says of it."""
+    assert run.model is not None
+    assert run.selection is not None
+    told, truth = run.model_mm, ModelInMm.of(run.model, run.problem)
+    np.testing.assert_allclose(told.lower, truth.lower, rtol=0.0, atol=1e-12 * sensor.length_mm)
+    np.testing.assert_allclose(told.upper, truth.upper, rtol=0.0, atol=1e-12 * sensor.length_mm)
+    assert told.height == pytest.approx(truth.height, rel=1e-12)
+    if not isinstance(run.model, PolygonFit):
+        assert told.inward is None
+        return
+    assert told.inward == any(map(len, inward_corners(run.selection.chosen)))
+    if told.covariance is None or told.height <= 0.0:
+        return
+    wanted, vertices = (
+        run.model.plain_covariance(run.problem, sensor),
+        Outline(told.lower, told.upper).vertices,
+    )
+    scale = np.sqrt(wanted.diagonal())
+    np.testing.assert_allclose(
+        told.covariance / np.outer(scale, scale), wanted / np.outer(scale, scale), atol=1e-9
+    )
+    assert told.swept == pytest.approx(swept_share(vertices, told.covariance), rel=1e-9)
 
 
 @pytest.mark.parametrize("how", ["clean", "stuck", "missing", "impossible", "rough"])
@@ -62,5 +91,7 @@ def test_a_run_is_fitted_as_step_by_step(construction: str, sigma: float | None,
                 continue
             assert (got.selection.best, got.selection.equal) == (truth.selection.best, truth.selection.equal)
             np.testing.assert_allclose(got.selection.chosen.theta, truth.selection.chosen.theta, atol=1e-6)
+            assert got.residual_sums == pytest.approx(truth.residual_sums, rel=1e-5)
+            _check_in_mm(got, sensor)
             assert got.model is not None
             np.testing.assert_allclose(got.residuals, got.model.residuals(got.problem), atol=1e-9)

@@ -37,6 +37,7 @@ from tacstrip.core.polytope import (
 )
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.cramer_rao import reading_sigma, vertex_covariance, vertex_rms
+from tacstrip.reconstruction.set_membership import estimate
 from tacstrip.reconstruction.set_membership.edge_lines import EdgeLines, ReadingBounds, reading_bound
 from tacstrip.reconstruction.set_membership.estimate import Bounded, fewest, refine, within
 from tacstrip.reconstruction.set_membership.feasible_set import FeasibleSet, feasible_set, plain_feasible_set
@@ -463,6 +464,44 @@ def test_whatever_is_read_there_is_an_answer(
         assert found.outline.vertices[:, 1].min() > -1e-6 * L
         assert found.outline.vertices[:, 1].max() < (1.0 + 1e-6) * L
         assert found.regions is None or all(np.isfinite(region).all() for region in found.regions)
+
+
+@pytest.mark.skipif(exported("bounded") is None, reason="the core is not compiled here")
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("shape", SHAPES)
+def test_one_call_of_the_core_does_as_the_steps(
+    shape: str, case: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    construction, changed, names = CASES[case]
+    at_once = 0
+    for seed, pitch in enumerate((1.0, 4.0, 0.25)):
+        sensor = a_sensor(construction, pitch, **changed)
+        band = a_band(SHAPES[shape], sensor, NOISE, seed, names)
+        bound = vertex_covariance(SHAPES[shape], sensor, reading_sigma(NOISE, sensor), tuple(band.low))
+        at_once += estimate.in_one_call(exported("bounded"), SHAPES[shape], bound, band) is not None
+        got, truth = refine(SHAPES[shape], bound, band), estimate.plain_refine(SHAPES[shape], bound, band)
+        assert (got is None) == (truth is None)
+        if got is None or truth is None:
+            continue
+        assert (got.fallback is None) == (truth.fallback is None)
+        assert (got.deviations is None) == (truth.deviations is None)
+        for mine, theirs in (
+            (got.outline.lower, truth.outline.lower),
+            (got.outline.upper, truth.outline.upper),
+            (got.points, truth.points),
+            (got.covariance, truth.covariance),
+            (got.radii, truth.radii),
+        ):
+            np.testing.assert_allclose(mine, theirs, rtol=1e-7, atol=1e-9 * L)
+        if got.deviations is not None and truth.deviations is not None:
+            np.testing.assert_allclose(np.hstack(got.deviations), np.hstack(truth.deviations), rtol=1e-7)
+        np.testing.assert_array_equal(got.lines.reach, truth.lines.reach)
+        monkeypatch.setattr(estimate, "_ROOM", 0)  # it asks for what it lacks
+        again = refine(SHAPES[shape], bound, band)
+        assert again is not None
+        np.testing.assert_array_equal(again.covariance, got.covariance)
+        monkeypatch.undo()
+    assert at_once
 
 
 # Everywhere the same

@@ -269,10 +269,12 @@ class PolygonFit:
     @classmethod
     def of_record(cls, record: npt.NDArray[np.void]) -> PolygonFit:
         """Return a copy of what the compiled core left in a `POLYGON` (1,)."""
-        m = int(record["m"][0])
-        theta, upper = record["theta"][0, : END_ENTRIES + 2 * m], record["upper"][0, :m]
-        found = cls(theta.copy(), upper.copy(), record["vertical"][0].copy(), float(record["cost"][0]))
-        found.__dict__["record"] = record.copy()  # the cached property's place
+        record = record.copy()
+        row = record[0]
+        m = int(row["m"])
+        theta, upper = row["theta"][: END_ENTRIES + 2 * m], row["upper"][:m]
+        found = cls(theta.copy(), upper.copy(), row["vertical"].copy(), float(row["cost"]))
+        found.__dict__["record"] = record  # the cached property's place
         return found
 
     @cached_property

@@ -102,17 +102,25 @@ class Outline:
     @cached_property
     def vertices(self) -> FloatArray:
         """Vertices (V, 2) [mm], counter-clockwise from the left-most, the lower one of two; not to be written to."""
-        vertices = close_chains(self.lower, self.upper)
+        left, right = self._joined
+        last = len(self.upper) - 1 - right
+        vertices = np.concatenate([self.lower, self.upper[last : 0 if left else None : -1]])
         vertices.flags.writeable = False
         return vertices
+
+    @property
+    def _joined(self) -> tuple[bool, bool]:
+        """Whether the chains share their first vertex, and their last one."""
+        ends = self.lower[:: len(self.lower) - 1, 1] == self.upper[:: len(self.upper) - 1, 1]
+        return bool(ends[0]), bool(ends[1])
 
     @cached_property
     def indices(self) -> tuple[IntArray, IntArray]:
         """Rows of `vertices` that are the lower chain (M,) and the upper chain (N,)."""
         m, n = len(self.lower), len(self.upper)
-        shared = int(np.array_equal(self.lower[-1], self.upper[-1]))
-        upper = m + n - 1 - shared - np.arange(n)
-        if np.array_equal(self.lower[0], self.upper[0]):
+        left, right = self._joined
+        upper = m + n - 1 - right - np.arange(n)
+        if left:
             upper[0] = 0
         return np.arange(m), upper
 

@@ -201,7 +201,7 @@ def implausible_hint(scan: Scan, sensor: Sensor, failed: bool, outlines: Sequenc
     hint = exchanged(read) if sensor.kind.closed_form else ""
     if failed and not hint:
         hint = read_twice(read)
-    if scan.touched.all() and not hint:
+    if not hint and any(not math.isnan(k[0]) for k in read.values()) and scan.touched.all():
         hint = rest_hint(sensor, invert_calibration(sensor, read), failed)
     if scan.moved:
         hint = (

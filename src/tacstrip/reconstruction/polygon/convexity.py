@@ -103,7 +103,7 @@ def one_end_off(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray])
     A faulty channel moves both ends, or to where none can be; a second object, or an overhang, moves one. Amid strips
     that agree none touches a single strip; where few readings are left to check, nothing tells.
     """
-    if not run.excluded.any():
+    if not np.count_nonzero(run.excluded):
         return False
     problem, selection = run.problem, run.selection
     assert selection is not None

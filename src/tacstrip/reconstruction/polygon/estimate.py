@@ -33,7 +33,7 @@ from tacstrip.sensor.left_out import left_out_wholly
 from tacstrip.sensor.spec import Sensor
 
 _ROUNDS = 2  # of taking away what the strips' width adds
-_AT_ONCE, _PARTS = 16, 2  # scans that the core takes in one call, and calls for each thread at least
+_AT_ONCE, _PARTS = 16, 4  # scans that the core takes in one call, and calls for each thread at least
 _ABOUT = 0.2  # of an area that is given without its standard deviation
 
 
@@ -259,27 +259,27 @@ def _contacts(
 
     def fit(strips: slice, missing: tuple[int, ...] = (), run: RunFit | None = None) -> FittedContact:
         fitted, margin_mm = fitted_strips(sensor, strips)
-        x = sensor.x_mm[fitted]
         own = scan.read_on(strips)
         measured = readings = {name: own[name][fitted] for name in own.signatures}
-        run = run or fit_run(sensor, x, readings, sigma, max_vertices, vertices, margin_mm)
+        if run is None:
+            run = fit_run(sensor, sensor.x_mm[fitted], readings, sigma, max_vertices, vertices, margin_mm)
         for _ in range(_ROUNDS if sensor.strip_width_mm else 0):
             if (outline := run.outline) is None:
                 break
+            x = sensor.x_mm[fitted]
             readings = remove_width_effect(sensor, outline, x, measured)
             run = fit_run(sensor, x, readings, sigma, max_vertices, vertices, margin_mm)
         run = run if sigma is not None else _at_least_a_step(run, sensor)
         return FittedContact(strips, missing, fitted, readings, margin_mm, vertices, run)
 
     found: list[FittedContact] = []
-    named = left_out_wholly(sensor)
     for strips, first in ready.runs:
         contact = fit(strips, run=first)
         if found and strips.start - found[-1].strips.stop <= BRIDGED:
             before = found[-1]
             gap = range(before.strips.stop, strips.start)
             joint = fit(slice(before.strips.start, strips.stop), (*before.missing, *gap))
-            unknown = bool(named[list(gap)].all()) and joint.run.selection is not None
+            unknown = bool(left_out_wholly(sensor)[list(gap)].all()) and joint.run.selection is not None
             if unknown or should_merge(before.run, contact.run, joint.run):
                 contact = joint
                 found.pop()

@@ -161,7 +161,7 @@ def second_look(
             sigma = min(sigma, level)
         elif level > _NOISIER * sigma:
             return wrong, None  # of readings that scatter more than the noise given, jumps tell nothing
-    if not (wrong or run.excluded.any() or inward or sigma < _SMOOTHED * run.sigma) or (
+    if not (wrong or np.count_nonzero(run.excluded) or inward or sigma < _SMOOTHED * run.sigma) or (
         distribution is None and run.sigma > MOST_SIGMA
     ):
         return wrong, None

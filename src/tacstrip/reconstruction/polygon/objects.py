@@ -385,7 +385,7 @@ def _refined(
     if run.residual_sums[0] > _UNIFORM * (run.problem.readings + 2):
         return None
     readings = contact.readings
-    if run.excluded.any():
+    if np.count_nonzero(run.excluded):
         readings = {
             name: np.where(out, np.nan, readings[name])
             for name, out in zip(scan.signatures, run.excluded, strict=True)
@@ -424,11 +424,12 @@ def _raw_profile(scan: Scan, sensor: Sensor, strips: slice) -> Profile | None:
 def _notes(scan: Scan, sensor: Sensor, contact: FittedContact, around: int, known: bool) -> list[str]:
     """Name the strips that were bridged, and the readings that were left out."""
     notes, base = [], sensor.strip_base
-    named = left_out_wholly(sensor)
-    if missing := [i % around for i in contact.missing if not named[i % around]]:
-        names = _list([str(i + base) for i in missing])
-        notes.append(f"strip {names} reads nothing inside the contact and was bridged: is it broken?")
-    if contact.run.excluded.any():
+    if contact.missing:
+        named = left_out_wholly(sensor)
+        if missing := [i % around for i in contact.missing if not named[i % around]]:
+            names = _list([str(i + base) for i in missing])
+            notes.append(f"strip {names} reads nothing inside the contact and was bridged: is it broken?")
+    if np.count_nonzero(contact.run.excluded):
         names = _list(
             [
                 f"{(i + contact.fitted.start) % around + base} ({SIGNATURES[scan.signatures[s]].symbol} = "

@@ -30,6 +30,7 @@ from tacstrip.reconstruction.set_membership.feasible_set import feasible_set
 from tacstrip.reconstruction.set_membership.outlines import draw_outlines, scatter, shuffled_ends
 from tacstrip.reconstruction.set_membership.regions import guaranteed
 
+_ROOM = 6  # what the core works in, of each height and each reading or outline
 _EFFORT = 1_500.0  # for one outline
 _REACH, _FURTHER = 4.0, 12.0  # standard errors of least squares within which a kink is looked for
 _NORMAL = -2.0 * math.log(
@@ -120,7 +121,7 @@ def refine(outline: Outline, covariance: FloatArray, band: ReadingBounds) -> Bou
         The readings' bounds.
     """
     core = exported("bounded")
-    told = None if core is None else _compiled(core, outline, covariance, band)
+    told = None if core is None else in_one_call(core, outline, covariance, band)
     return plain_refine(outline, covariance, band) if told is None else told
 
 
@@ -151,7 +152,7 @@ def _finite(refined: Bounded, least_squares: Bounded) -> Bounded:
     return refined if np.isfinite(refined.region_covariance).all() else least_squares
 
 
-def _compiled(
+def in_one_call(
     core: Callable[..., int], outline: Outline, covariance: FloatArray, band: ReadingBounds
 ) -> Bounded | None:
     """Do as `refine` in one call of the core; None where it does not find points at once."""
@@ -165,12 +166,10 @@ def _compiled(
     chains = address(lower), len(lower), address(upper), len(upper)
     given = band.compiled, band.sensor.pitch_mm, *chains
     out = address(covariance), address(shuffled), SWEEPS, address(points), address(mean), *scattered
-    room = (size + 10) * (6 * len(band.low) * len(band.x) + 6 * SWEEPS)
-    for _ in range(3):  # as much room as mostly does, then as much as it says
+    told, room = -1, _ROOM * (size + 10) * (len(band.low) * len(band.x) + SWEEPS)
+    while told < 0:  # as much room as mostly does, then as much as it asks for
         workspace = np.empty(room)
         told = core(*given, *out, address(workspace), room)
-        if told >= 0:
-            break
         room = -told
     if told <= 0:
         return None
