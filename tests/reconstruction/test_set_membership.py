@@ -473,12 +473,13 @@ def test_one_call_of_the_core_does_as_the_steps(
     shape: str, case: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     construction, changed, names = CASES[case]
-    at_once = 0
+    at_once, core = 0, exported("bounded")
+    assert core is not None
     for seed, pitch in enumerate((1.0, 4.0, 0.25)):
         sensor = a_sensor(construction, pitch, **changed)
         band = a_band(SHAPES[shape], sensor, NOISE, seed, names)
         bound = vertex_covariance(SHAPES[shape], sensor, reading_sigma(NOISE, sensor), tuple(band.low))
-        at_once += estimate.in_one_call(exported("bounded"), SHAPES[shape], bound, band) is not None
+        at_once += estimate.in_one_call(core, SHAPES[shape], bound, band) is not None
         got, truth = refine(SHAPES[shape], bound, band), estimate.plain_refine(SHAPES[shape], bound, band)
         assert (got is None) == (truth is None)
         if got is None or truth is None:
