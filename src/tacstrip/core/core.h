@@ -8,8 +8,8 @@
    -ffast-math. With -DTACSTRIP_DEBUG sizes are checked, and a wrong one stops the program.
 
    Units: x counts from 0 to 1 over the run of strips, y from 0 to 1 over the strip, readings are over Vref.
-   Every core/<name>.py calls core/<name>.c, and has the same as readable NumPy; feasible_set and outlines are in
-   reconstruction/set_membership/. */
+   Every core/<name>.py calls core/<name>.c, and has the same as readable NumPy; that of bounded, feasible_set and
+   outlines is in reconstruction/set_membership/, that of run in reconstruction/polygon/. */
 
 #ifndef TACSTRIP_CORE_H
 #define TACSTRIP_CORE_H

@@ -22,7 +22,7 @@ from tacstrip.reconstruction.pieces.chain import Cut
 from tacstrip.reconstruction.pieces.pair import Ends, Pair, likeliest_pair
 from tacstrip.reconstruction.pieces.run import RunPieces, noise_level, split_run
 from tacstrip.reconstruction.polygon.convexity import fit_convex, inward_corners, one_end_off
-from tacstrip.reconstruction.polygon.run import RunFit
+from tacstrip.reconstruction.polygon.run import RunFit, residual_sums
 from tacstrip.sensor.spec import Sensor
 
 _ALARM = 3.5  # standard deviations of a test's statistic
@@ -63,11 +63,7 @@ def autocorrelation_score(residuals: FloatArray, readings: int) -> float:
 
     0 where they are far below the noise, or all rounding.
     """
-    return _autocorrelation_score(*_sums(residuals), readings)
-
-
-def _sums(r: FloatArray) -> tuple[float, float]:
-    return float((r**2).sum()), float((r[:, 1:] * r[:, :-1]).sum())
+    return _autocorrelation_score(*residual_sums(residuals), readings)
 
 
 def _autocorrelation_score(squares: float, pairs: float, readings: int) -> float:
@@ -76,7 +72,10 @@ def _autocorrelation_score(squares: float, pairs: float, readings: int) -> float
 
 def explains(run: RunFit, distribution: str, outline: Outline) -> bool:
     """Whether an outline that is not the least-squares one leaves no more of a run's readings than noise does."""
-    sums, readings = _sums(PolygonFit.of(outline, run.problem).residuals(run.problem)), run.problem.readings
+    sums, readings = (
+        residual_sums(PolygonFit.of(outline, run.problem).residuals(run.problem)),
+        run.problem.readings,
+    )
     # It follows the noise less than least squares does, so that nothing is taken off the freedom.
     score = _chi_square_score(sums[0], readings, distribution)
     return max(score, _autocorrelation_score(*sums, readings)) <= _ALARM
@@ -101,7 +100,7 @@ def misfit(
     (squares, pairs), freedom = run.residual_sums, run.freedom
     if errors is not None:
         residuals, freedom = errors.whitened(covariance)
-        squares, pairs = _sums(residuals)
+        squares, pairs = residual_sums(residuals)
     if distribution is not None and _chi_square_score(squares, freedom, distribution) > _ALARM:
         times = math.sqrt(squares / freedom)
         return (

@@ -128,9 +128,8 @@ class RunFit:
 
     @cached_property
     def residual_sums(self) -> tuple[float, float]:
-        """Sums of the residuals' squares, and of the products of neighbouring ones."""
-        r = self.residuals
-        return float((r**2).sum()), float((r[:, 1:] * r[:, :-1]).sum())
+        """Those of its residuals."""
+        return residual_sums(self.residuals)
 
     @cached_property
     def residuals(self) -> FloatArray:
@@ -160,6 +159,11 @@ class RunFit:
     def squares(self) -> float:
         """Squared residuals [Vref^2]."""
         return float((self.residuals**2).sum()) * self.sigma**2
+
+
+def residual_sums(r: FloatArray) -> tuple[float, float]:
+    """Return the sums of residuals' squares (S, n), and of the products of neighbouring ones."""
+    return float((r**2).sum()), float((r[:, 1:] * r[:, :-1]).sum())
 
 
 def fit_run(
