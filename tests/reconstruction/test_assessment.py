@@ -9,6 +9,7 @@ import pytest
 
 import tacstrip as ts
 from tacstrip.core.binding import exported
+from tacstrip.core.ellipse import Ellipse
 from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.core.problem import FitProblem
 from tacstrip.reconstruction.polygon.run import fit_run
@@ -58,16 +59,34 @@ def test_many_corners_and_an_ellipse_that_is_hardly_better_are_doubted(effort: E
     assert ENOUGH_OF_ONE < shares[-1] < 1.0
 
 
+@pytest.mark.skipif(exported("sample_outlines") is None, reason="only the compiled core samples")
 @pytest.mark.parametrize("effort", ["thorough", "fast"])
-def test_few_strips_of_one_signature_are_never_sure_enough(effort: Effort) -> None:
-    """However much better an ellipse is: a superellipse is read as one (3 of 6 that were ok so were wrong)."""
+def test_few_strips_of_one_signature_are_never_ok(effort: Effort) -> None:
+    """However probable: a superellipse is read as an ellipse (3 of 6 that were ok so were wrong)."""
     few = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=10.0, length_mm=100.0)
-    scan = ts.simulate(few, ts.Contact.polygon(1.5 * OVAL + 50.0), ts.Noise(positional=1e-4), rng=1)
-    touched = scan.touched
-    run = fit_run(few, few.x_mm[touched], {"kh": scan["kh"][touched]}, 1e-4 / np.sqrt(3.0))
-    assert run.ellipse is not None
-    assert run.ellipse_advantage > 10.0
-    assert probability(doubts(1.0, run, run.ellipse, 42), effort) < ENOUGH_OF_ONE
+    noise = ts.Noise(positional=1e-4)
+    scan = ts.Scan(kh=ts.simulate(few, ts.Contact.polygon(1.5 * OVAL + 50.0), noise, rng=1).kh)
+    found = ts.fit_polygon(scan, few, noise, assessment=effort).objects[0]
+    assert found.model is Ellipse
+    assert found.confidence is not None
+    assert found.confidence > ENOUGH_OF_ONE
+    assert found.status == "doubtful"
+    assert f"probability of {found.confidence:.2f} it" in found.advice
+
+
+@pytest.mark.skipif(exported("sample_outlines") is None, reason="only the compiled core samples")
+def test_an_ellipse_at_the_border_may_be_cut_off_there() -> None:
+    """One signature of a trapezoid over the border reads like an ellipse that just reaches it."""
+    confidences = []
+    for off in (0.0, 20.0):
+        contact = ts.Contact.polygon(OVAL - (OVAL[:, 0].min(), 0.0) + (SENSOR.x_mm[0] + off, 50.0))
+        scan = ts.Scan(kh=ts.simulate(SENSOR, contact, NOISE, rng=3).kh)
+        found = ts.fit_polygon(scan, SENSOR, NOISE).objects[0]
+        assert found.model is Ellipse
+        assert found.confidence is not None
+        confidences.append(found.confidence)
+    at_border, away = confidences
+    assert at_border < ENOUGH_OF_ONE < away
 
 
 def test_advice_asks_for_a_second_signature_only_where_the_sensor_has_one() -> None:

@@ -33,6 +33,7 @@ from tacstrip.reconstruction.posterior.assessment import (
     Assessment,
     Effort,
     assess,
+    few_strips,
 )
 from tacstrip.reconstruction.result import Alternative, Profile, RecoveredObject, Status
 from tacstrip.reconstruction.set_membership.edge_lines import ReadingBounds
@@ -49,6 +50,9 @@ _ANYWHERE = 0.9  # of the variance within a pitch
 _WORSE, _FEWER = 20.0, 0.0  # of the criterion: so much worse, more vertices, or fewer, are not tried
 _CORNERS = 12  # at most: the search for a set grows with them
 _FAR_AREA = 3.0  # deviations between an area that was given and the one that the readings say
+_NEVER = (
+    2.0  # confidence that is enough: of few strips with one signature 1 in 10 is wrong even of the surest
+)
 _NAMED = 5  # strips that advice names
 _RATHER_TWO, _NOTED = 0.5, 0.05  # probability of two objects: more, and the count is wrong; less is not told
 _FAINT = "no corner could be distinguished from noise: a line fits as well as the triangle that is given; {}, or {}"
@@ -177,7 +181,7 @@ def reconstruct_object(
         if faint
         else weakness(run, model, outline.vertices, covariance, averaging, second)
     )
-    uncounted = _uncounted(contact, fit, assessed, noise is not None)
+    uncounted = _uncounted(contact, fit, assessed, noise is not None, second)
     if (
         assessed.explained
         and len(run.problem.k) == 1
@@ -189,8 +193,9 @@ def reconstruct_object(
     wrong = wrong or uncounted
     if area_mm2 is not None and not wrong:
         wrong = _other_area(outline, covariance, area_mm2)
-    # A confidence takes the readings for explained.
-    confidence, alternatives = None if wrong else assessed.confidence, assessed.alternatives
+    # A confidence takes the readings for explained, if by others than the fit.
+    explained = not wrong or (wrong == uncounted and assessed.better is not None)
+    confidence, alternatives = assessed.confidence if explained else None, assessed.alternatives
     if pair is not None:
         right = pair.overlap(outline.vertices) >= PROMISED_IOU
         one = 1.0 if right else 1.0 - pair.probability
@@ -202,7 +207,8 @@ def reconstruct_object(
         if not wrong:
             wrong, note = _two_objects(pair.probability, right, sure)
             notes.insert(0, note)
-    status, advice = _verdict(wrong, weak, assessed, effort, second, averaging, area_mm2 is not None)
+    enough = ENOUGH if not second else _NEVER if few_strips(run) else ENOUGH_OF_ONE
+    status, advice = _verdict(wrong, weak, assessed, effort, second, averaging, area_mm2 is not None, enough)
     profile = (x, np.interp(x, *outline.lower.T), np.interp(x, *outline.upper.T))
     return RecoveredObject(
         strips,
@@ -225,17 +231,22 @@ _OTHERS = (
 )
 
 
-def _uncounted(contact: FittedContact, fit: PolygonFit, assessed: Assessment, noise_given: bool) -> str:
+def _uncounted(
+    contact: FittedContact, fit: PolygonFit, assessed: Assessment, noise_given: bool, second: str
+) -> str:
     """Say that the readings do not hold as many vertices as were given; "" where they do."""
     given = contact.known_count
     if given is None or fit.n_vertices >= given:
         return ""
     held = f"the readings hold {fit.n_vertices} vertices, not the {given} that were given"
-    if assessed.better is not None:
-        return (
-            f"{held}: many outlines with {given} explain them, and the one shown is like most of the others"
-        )
-    return held + ("" if noise_given else ": with the noise given, too, they may hold more")
+    noise = "" if noise_given else "give the noise, too: they may hold more then"
+    if assessed.better is None:
+        return "; ".join(filter(None, [held, noise]))
+    remedies = ", or ".join(filter(None, [noise, second]))
+    return (
+        f"{held}: other outlines with {given} explain them as well, and the one shown overlaps the true one by an IoU "
+        f"of {PROMISED_IOU} or more with a probability of {assessed.confidence:.2f}: {remedies}"
+    )
 
 
 def _other_area(outline: Outline, covariance: FloatArray, area_mm2: tuple[float, float]) -> str:
@@ -262,26 +273,34 @@ def _two_objects(probability: float, right: bool, confidence: float) -> tuple[st
 
 
 def _verdict(
-    wrong: str, weak: str, assessed: Assessment, effort: Effort, second: str, averaging: str, area: bool
+    wrong: str,
+    weak: str,
+    assessed: Assessment,
+    effort: Effort,
+    second: str,
+    averaging: str,
+    area: bool,
+    enough: float,
 ) -> tuple[Status, list[str]]:
     """Return the status, and advice: what the outline does not explain, what is left open, how sure it is.
 
-    `second` is what to do about a second signature, "" where both are read.
+    `second` is what to do about a second signature, "" where both are read; `enough` the least confidence of an "ok".
     """
     if wrong:
         return "doubtful", [wrong]
     if assessed.confidence is None:
         why = "" if effort == "none" else "how sure this is was not assessed: the compiled core is missing"
         return ("doubtful" if weak else "likely"), [weak, why]
-    if assessed.confidence >= (ENOUGH_OF_ONE if second else ENOUGH):
+    if assessed.confidence >= enough:
         return ("likely" if effort == "fast" and second else "ok"), [weak]
     more = f"{second}, {averaging}" if second else f"{averaging}, or use finer strips"
     others = "others explain the readings too" + (
         "" if assessed.alternatives else ", though none of them is likely"
     )
+    only = " only" if assessed.confidence < ENOUGH_OF_ONE else ""
     narrower = "" if area else ", or give the contact's area"
     sure = (
-        f"with a probability of {assessed.confidence:.2f} only it overlaps the true outline by an IoU of "
+        f"with a probability of {assessed.confidence:.2f}{only} it overlaps the true outline by an IoU of "
         f"{PROMISED_IOU} or more, for {others}: {more}{narrower}"
     )
     return "doubtful", [sure, weak]

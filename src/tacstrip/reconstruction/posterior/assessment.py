@@ -32,10 +32,26 @@ ENOUGH_OF_ONE = 0.65  # with one signature, where many are hardly surer than tha
 _EVALUATIONS = {"thorough": 240_000, "fast": 14_000}
 _KEPT = {"thorough": 240, "fast": 100}
 _RATHER_WRONG, _BETTER = 0.5, 0.1  # an estimate less sure than this is given up for one that is so much surer
-# With one signature: log odds of being right, by `doubts`. `studies/confidence.py` fits them.
+# With one signature: log odds of being right, by `doubts`; the last four those of few strips. `studies/confidence.py`
+# fits them, but for that of an ellipse at the border.
 _ODDS = {
-    "thorough": (-1.372, 0.751, -0.646, 1.893, -0.343, -2.2, 0.205, 0.678, 1.234, 0.279),
-    "fast": (-1.936, 1.111, -0.721, 0.989, -0.401, -2.2, 0.0, 0.0, 0.0, 0.0),
+    "thorough": (
+        -1.372,
+        0.751,
+        -0.646,
+        1.893,
+        -3.0,
+        -0.343,
+        0.205,
+        0.678,
+        1.234,
+        0.279,
+        -2.307,
+        1.368,
+        0.4,
+        -0.211,
+    ),
+    "fast": (-1.936, 1.111, -0.721, 0.989, -3.0, -0.401, 0.0, 0.0, 0.0, 0.0, -3.293, 1.021, 2.035, -0.154),
 }
 _PLAIN, _MANY = 5, 7  # corners that are no doubt, and how many more of them count
 _LEAST, _LEAST_ALIKE = 0.02, 0.03  # expected IoU, and share of rounded outlines, that none counts as
@@ -44,6 +60,7 @@ _MISFITS = (0.5, 300.0)  # of the best rounded outline, beyond which it tells no
 # rounded ones agree and leave no more of a reading than this, squared over sigma^2. Never sure enough for "ok": of
 # families that are none of these (lenses, Reuleaux triangles) it is the likelier outline, but often a wrong one.
 _SURE_OF, _AGREE, _EXPLAINS, _TRUSTED = 0.6, 0.95, 1.5, 0.6
+_SHORT = 0.4  # at most, where the readings hold another count than was given: a third of the surer ones are right
 _ALARM = 3.5
 _LIGHTEST, _MOST = 0.05, 4  # weight of an alternative, and how many are told
 # IoU of nearly all outlines that the covariance allows: nothing to sample, and what it is worth.
@@ -144,7 +161,9 @@ def assess(
                 ends = drawn.ends_of(outline.lower, outline.upper)
         model, corners = better or run.model, len(outline.vertices)
         expected = float(drawn.overlap(ends) @ drawn.weight)
-        confidence = probability(doubts(expected, run, model, corners, rounded, ends), effort)
+        cut = drawn.at_border
+        confidence = probability(doubts(expected, run, model, corners, cut, rounded, ends), effort)
+        confidence = min(confidence, _SHORT) if short else confidence
     # Chi square of the better half of the draws; that of normal errors exceeds its mean by 3.5 deviations in .02 %.
     readings = drawn.problem.readings
     allowed = readings + _ALARM * np.sqrt(2.0 * readings)
@@ -163,14 +182,16 @@ def doubts(
     run: RunFit,
     model: OutlineModel | None,
     corners: int,
+    at_border: bool = False,
     rounded: RoundedDraws | None = None,
     ends: FloatArray | None = None,
 ) -> FloatArray:
-    """Return what tells whether an outline from one signature is right (10,): 1, log odds of the IoU, doubts.
+    """Return what tells whether an outline from one signature is right (14,): 1, log odds of the IoU, doubts.
 
     Draws and estimate share a prior of polygons and ellipses. An outline that needs many corners, or an ellipse that is
     hardly better than a polygon, is often of an object with blunt or rounded ends, of which neither is a likeness; less
-    often so if no rounded outline explains the readings. On few strips such objects have few corners too.
+    often so if no rounded outline explains the readings. What looks like an ellipse at the sensor's border may be cut
+    off there. On few strips such objects have few corners too: the last four, which are those of few strips only.
 
     Parameters
     ----------
@@ -178,20 +199,30 @@ def doubts(
         IoU of the outline with the draws, on average.
     run, model, corners
         The fit, the outline's model, and its corners if that is a polygon.
+    at_border
+        Whether the contact may go on beyond the first strip or the last one.
     rounded, ends
         Rounded outlines that explain the readings best, and l and u of the outline in their columns.
     """
-    few, odds = float(run.problem.x.size < _STRIPS), _log_odds(expected, _LEAST)
+    odds, ellipse = _log_odds(expected, _LEAST), float(isinstance(model, Ellipse))
+    many = 0.0 if ellipse else float(min(max(corners - _PLAIN, 0), _MANY))
+    if few_strips(run):
+        return np.array([*(0.0,) * 10, 1.0, odds, ellipse, many])
     misfit, alike = 0.0, 0.0
     if rounded is not None and ends is not None:
         misfit = math.log(min(max(rounded.misfit, _MISFITS[0]), _MISFITS[1]))
         alike = _log_odds(rounded.share(ends, PROMISED_IOU), _LEAST_ALIKE)
-    if isinstance(model, Ellipse):
-        better = 0.0 if few else math.log1p(max(run.ellipse_advantage, 0.0))
-        return np.array([1.0, odds, 1.0, better, 0.0, few, 0.0, misfit, alike, 0.0])
-    many = min(max(corners - _PLAIN, 0), _MANY)
-    near = alike * math.exp(-max(misfit, 0.0))
-    return np.array([1.0, odds, 0.0, 0.0, many, few, misfit, 0.0, 0.0, near])
+    if ellipse:
+        better = math.log1p(max(run.ellipse_advantage, 0.0))
+        of = [1.0, odds, 1.0, better, float(at_border), 0.0, 0.0, misfit, alike, 0.0]
+    else:
+        of = [1.0, odds, 0.0, 0.0, 0.0, many, misfit, 0.0, 0.0, alike * math.exp(-max(misfit, 0.0))]
+    return np.array([*of, *(0.0,) * 4])
+
+
+def few_strips(run: RunFit) -> bool:
+    """Whether the fit is of so few strips that with one signature no outline is sure enough to be "ok"."""
+    return run.problem.x.size < _STRIPS
 
 
 def _log_odds(share: float, least: float) -> float:

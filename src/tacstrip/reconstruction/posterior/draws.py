@@ -41,6 +41,7 @@ _SETTLED = 0.9  # IoU with the draw that the least-squares outline near it must 
 _OPENED = 0.1  # how far pointed ends are opened along the family of outlines that read alike
 _END_KINDS = ((0, 0), (0, 1), (1, 0), (1, 1))  # which ends are upright
 _BETWEEN = 0.05  # how often counts beside the known one are met
+_AWAY = 1e-9  # from half a pitch beyond the strips touched: nearer, the sensor ends
 _INSIDE = 0.98  # of its window: where an end begins
 
 
@@ -71,6 +72,12 @@ class Draws:
     samples: Samples
     ellipses: tuple[Ellipse, ...] = ()
     window: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0)
+
+    @property
+    def at_border(self) -> bool:
+        """Whether an end is nearer to the sensor's first or last strip than to where the next one would be."""
+        half = 0.5 * self.problem.pitch
+        return self.window[0] > _AWAY - half or self.window[3] < 1.0 + half - _AWAY
 
     def ends_of(self, lower: FloatArray, upper: FloatArray) -> FloatArray:
         """Return l and u (2, G) in the columns, of chains [mm]."""
@@ -233,9 +240,9 @@ def _prior(
     first, last = ((x - problem.origin_mm) / problem.width_mm for x in (0.0, sensor.width_mm))
     window = (max(-half, first), half, 1.0 - half, min(1.0 + half, last))
     share = np.array(_ENDS).reshape(2, 2)  # by the right end, by the left one
-    if window[0] > -half + 1e-9:
+    if window[0] > _AWAY - half:
         share = share.sum(axis=1, keepdims=True) * (1.0 - _AT_BORDER, _AT_BORDER)
-    if window[3] < 1.0 + half - 1e-9:
+    if window[3] < 1.0 + half - _AWAY:
         share = share.sum(axis=0, keepdims=True) * [[1.0 - _AT_BORDER], [_AT_BORDER]]
     ends = np.log(share).ravel().tolist()
     low = max(sensor.adc_step / math.sqrt(12.0), 1e-5)
