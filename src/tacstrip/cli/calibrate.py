@@ -177,8 +177,9 @@ def _show_result(result: Calibrated) -> None:
         )
     from tacstrip.report.calibration import wrongest  # late, as all that loads Matplotlib
 
-    furthest = ", ".join(f"strip {strip} ({percent:.2g} %)" for strip, percent in wrongest(result, 3))
-    click.echo(f"  furthest off before: {furthest}")
+    for when, after in (("furthest off before", False), ("largest residuals, after", True)):
+        worst = wrongest(result, 3, after=after)
+        click.echo(f"  {when}: {', '.join(f'strip {strip} ({percent:.2g} %)' for strip, percent in worst)}")
     for p in result.parameters:
         if p.strip is None:
             click.echo(f"  {p.name} = {p.value:.5g} +- {p.sigma:.2g} {p.unit}".rstrip())
