@@ -34,9 +34,12 @@ from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.rigid.covariance import joint_bound
 
 _MOST_LINES = 20
+_MOST_FITS = 0.9  # of them within what is wanted
 _CHECKED = 3  # designs, the coarsest
 _CIRCLE = "circle:"
-_BOUND = "These are bounds: a fit misses them by some part, often a fifth; --check 40 simulates 40 placements and fits them"
+_BOUND = (
+    "Bounds: a fit misses them by some part, often a fifth; --check 40 simulates 40 placements and fits them"
+)
 _NO_NOISE = (
     "without errors of the readings there is no limit: give what they are, such as --positional 0.005, "
     "--quantisation 0.001 or --bits 12, or a [noise] table in the spec (`tacstrip noise`)"
@@ -71,7 +74,7 @@ def _percent(_: click.Context, parameter: click.Parameter, text: str | None) -> 
 @options.option("--area-error", "area_percent", metavar="PERCENT", callback=_percent,
                 help="Look for designs that reach this standard error of the area, such as 8%.")  # fmt: skip
 @options.option("--check", "placements", type=options.WholeRange(1), metavar="N",
-                help="Fit N simulated placements: on SENSOR, or on the coarsest designs that reach the error.")  # fmt: skip
+                help="Simulate N placements on SENSOR, or the coarsest designs that do, and fit them.")  # fmt: skip
 @options.option("--construction", multiple=True,
                 help="Design: try this one; repeat. Default: all flat, or all round.")  # fmt: skip
 @options.number("--pitch", multiple=True, metavar="MM", help="Design: try this pitch; repeat.")
@@ -131,13 +134,16 @@ def command(
     outline = outline_of(spec, shape)
     found = limits(spec, outline, noise)
     round_ = is_round(outline)
+    options.belong(
+        not round_, "is of corners, and this outline is round", "grid", "plot", "scans", "wanted_mm"
+    )
     if not round_:
         _show_limits(spec, outline, found)
     _show_area(spec, outline, noise, found, round_)
     if scans is not None:
         _show_joint(spec, outline, scans, slide, math.radians(rotate), reading_sigma(noise, spec))
-    over = limit_map(spec, outline, noise, grid, grid)
-    if not round_:
+    over = None if round_ else limit_map(spec, outline, noise, grid, grid)
+    if over is not None:
         _show_map(over)
     click.echo(_BOUND)
     judged = None
@@ -148,7 +154,7 @@ def command(
         judged = designs(
             sensors, outline, noise, wanted_mm, tried_bits, farad, conversion_s, area_percent=area_percent
         )
-    if plot is not None:
+    if plot is not None and over is not None:
         from tacstrip.plot.bounds import limits_figure
         from tacstrip.plot.theme import save
 
@@ -165,7 +171,7 @@ def command(
         wanted = " and ".join(f"{value:.6g} {unit}" for value, unit in errors if value is not None)
         _show_designs(reached, others, judged, wanted, outline)
     if placements is not None and (reached or not sought):
-        _show_check(_coarsest(reached) or [spec], outline, noise, placements)
+        _show_check(_coarsest(reached) or [spec], outline, noise, placements, (wanted_mm, area_percent))
     if sought and not reached:
         sys.exit(1)
 
@@ -225,19 +231,22 @@ def _coarsest(reached: list[Design]) -> list[Sensor]:
     return list(alike.values())[:_CHECKED]
 
 
-def _show_check(sensors: list[Sensor], outline: Outline, noise: Noise, placements: int) -> None:
+def _show_check(
+    sensors: list[Sensor], outline: Outline, noise: Noise, placements: int,
+    wanted: tuple[float | None, float | None],
+) -> None:  # fmt: skip
     """Print what fits of simulated scans reach beside the bound."""
     round_ = is_round(outline)
     told = "as a round object" if round_ else f"{len(outline.vertices)} corners told"
     click.echo(
-        f"What fits reach: {placements} random places each, simulated with the noise that you gave, {told}; median, and "
-        "what nine of ten reach; inf: no outline, or another number of corners"
+        f"What fits reach: {placements} random places each, simulated with the noise that you gave, {told}; median, "
+        "and what nine of ten reach; inf: no outline, or another number of corners"
     )
     heads = "" if round_ else f"{'bound RMS':>11}{'fit RMS':>9}{'median':>8}{'9 of 10':>9}"
     click.echo(f"{'construction':<13}{'pitch':>7}{'length':>8}{heads}{'area %':>9}{'9 of 10':>9}{'ok':>6}")
     with Progress(transient=True, console=Console(stderr=True)) as bar:
         task = bar.add_task("placements", total=placements * len(sensors))
-        lines = []
+        lines, reached = [], []
         for sensor in sensors:
             found = check(sensor, outline, noise, placements, progress=lambda: bar.advance(task))
             line = f"{sensor.construction:<13}{sensor.pitch_mm:>7.4g}{sensor.length_mm:>8.4g}"
@@ -245,7 +254,18 @@ def _show_check(sensors: list[Sensor], outline: Outline, noise: Noise, placement
                 bound, fit = (float(np.sqrt(np.mean(np.square(v)))) for v in (found.bound_mm, found.rms_mm))
                 line += f"{bound:>11.3g}{fit:>9.3g}" + _middle_and_most(found.rms_mm, 8)
             lines.append(line + _middle_and_most(found.area_percent, 9) + f"{100.0 * found.ok.mean():>5.0f}%")
+            within = np.ones(placements, dtype=bool)
+            for errors, most in zip((found.rms_mm, found.area_percent), wanted, strict=True):
+                within &= True if most is None else errors <= most
+            reached += [sensor] if within.mean() >= _MOST_FITS else []
     click.echo("\n".join(lines))
+    if wanted != (None, None):
+        first = reached[0] if reached else None
+        click.echo(
+            "On none of these nine fits of ten are within what is wanted: try finer pitches"
+            if first is None
+            else f"Nine fits of ten are within what is wanted on pitch {first.pitch_mm:.4g} mm, {first.construction}"
+        )
 
 
 def _middle_and_most(errors: FloatArray, width: int) -> str:
@@ -305,8 +325,8 @@ def _show_designs(
 ) -> None:
     """Print the designs that reach the wanted error with the noise that was given, or those that do with less."""
     click.echo(
-        f"By the bound {len(reached)} of {len(judged)} designs reach {wanted} at nine places of ten with the noise that "
-        "you gave"
+        f"By the bound {len(reached)} of {len(judged)} designs reach {wanted} at nine places of ten with the noise "
+        "that you gave"
     )
     if (
         not reached
@@ -324,16 +344,17 @@ def _show_designs(
     if reached:
         best = max(reached, key=lambda d: (d.sensor.pitch_mm, -d.sensor.strips, d.noise)).sensor
         click.echo(
-            f"The coarsest that does: pitch {best.pitch_mm:.4g} mm, {best.strips} strips {best.length_mm:.4g} mm long, "
+            f"The coarsest that does, by the bound: pitch {best.pitch_mm:.4g} mm, {best.strips} strips {best.length_mm:.4g} mm long, "
             f"{best.construction}, {best.adc_bits} bits"
         )
     reached = reached or others
     click.echo(
-        "`error` [mm RMS], `area %`: bounds with the noise that you gave; `noise %`: the largest that still reaches what "
-        "is wanted (half-width, % of Vref)"
+        "`error` [mm RMS], `area %`: bounds with the noise that you gave; `noise %`: the largest that still reaches "
+        "what is wanted (half-width, % of Vref)"
     )
     click.echo(
-        f"{'construction':<13}{'strips':>7}{'pitch':>8}{'length':>8}{'bits':>5}{'error':>9}{'area %':>8}{'noise %':>9}  fails"
+        f"{'construction':<13}{'strips':>7}{'pitch':>8}{'length':>8}{'bits':>5}{'error':>9}{'area %':>8}{'noise %':>9}"
+        "  fails"
     )
     for d in reached[:_MOST_LINES]:
         s = d.sensor
@@ -349,7 +370,7 @@ def _show_designs(
 
 
 def _record(
-    outline: Outline, found: list[Limit], over: ErrorMap, judged: list[Design] | None
+    outline: Outline, found: list[Limit], over: ErrorMap | None, judged: list[Design] | None
 ) -> dict[str, Any]:
     """Return what goes into the file; null stands for what the readings do not determine."""
     record: dict[str, Any] = {
@@ -363,8 +384,9 @@ def _record(
             }
             for limit in found
         ],
-        "map": {"x_mm": over.x_mm.tolist(), "y_mm": over.y_mm.tolist(), "rms_mm": plain(over.rms_mm)},
     }
+    if over is not None:
+        record["map"] = {"x_mm": over.x_mm.tolist(), "y_mm": over.y_mm.tolist(), "rms_mm": plain(over.rms_mm)}
     if judged is not None:
         keys = ("construction", "strips", "pitch_mm", "length_mm", "adc_bits")
         record["designs"] = [

@@ -38,7 +38,7 @@ def is_round(outline: Outline) -> bool:
 
 def circle(radius_mm: float, corners: int = 32) -> Outline:
     """Return a circle about 0 as a polygon of the same area."""
-    angles = 2.0 * math.pi * (np.arange(corners) + 0.5) / corners
+    angles = 2.0 * math.pi * (np.arange(corners) / corners)
     of_corners = radius_mm * math.sqrt(2.0 * math.pi / corners / math.sin(2.0 * math.pi / corners))
     return Outline.of(of_corners * np.column_stack([np.cos(angles), np.sin(angles)]))
 

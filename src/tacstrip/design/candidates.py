@@ -207,8 +207,11 @@ class _BoundsOverSensor:
     """Cramer-Rao bounds of an outline at all its places on a sensor, for any noise."""
 
     def __init__(self, sensor: Sensor, outline: Outline) -> None:
-        across, along = places(sensor, outline, _COLUMNS, _ROWS)
         self.sensor, self.round = sensor, is_round(outline)
+        # How a round object lies to the strips tells most of how well it is known; at an edge a strip just touches it.
+        grid = (2 * _ROWS + 1, _COLUMNS) if self.round else (_COLUMNS, _ROWS)
+        across, along = places(sensor, outline, *grid)
+        across = across[1::2] if self.round else across
         moved = [outline.moved(dx, dy) for dx in across for dy in along]
         self.at = [(o, np.asarray(np.linalg.qr(vertex_jacobian(o, sensor), mode="r"))) for o in moved]
 
