@@ -197,7 +197,9 @@ def test_the_verb_writes_numbers_and_a_picture(folder: Path) -> None:
     assert len(record["designs"]) == 2 * 2 * 5
     assert "designs reach 2 mm" in done.stdout
     reach = [d for d in record["designs"] if d["error_mm"] is not None and d["error_mm"] <= 2.0]
-    assert f"The coarsest that does: pitch {max(d['pitch_mm'] for d in reach):g} mm" in done.stdout
+    assert (
+        f"The coarsest that does, by the bound: pitch {max(d['pitch_mm'] for d in reach):g} mm" in done.stdout
+    )
     assert (folder / "p.png").read_bytes()[:4] == b"\x89PNG"
 
 

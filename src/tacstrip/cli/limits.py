@@ -344,8 +344,8 @@ def _show_designs(
     if reached:
         best = max(reached, key=lambda d: (d.sensor.pitch_mm, -d.sensor.strips, d.noise)).sensor
         click.echo(
-            f"The coarsest that does, by the bound: pitch {best.pitch_mm:.4g} mm, {best.strips} strips {best.length_mm:.4g} mm long, "
-            f"{best.construction}, {best.adc_bits} bits"
+            f"The coarsest that does, by the bound: pitch {best.pitch_mm:.4g} mm, {best.strips} strips "
+            f"{best.length_mm:.4g} mm long, {best.construction}, {best.adc_bits} bits"
         )
     reached = reached or others
     click.echo(
