@@ -35,7 +35,7 @@ from tacstrip.tracking.rigid.covariance import joint_bound
 
 _MOST_LINES = 20
 _MOST_FITS = 0.9  # of them within what is wanted
-_CHECKED = 3  # designs, the coarsest
+_CHECKED = 6  # designs at most, from the coarsest on, until one does
 _CIRCLE = "circle:"
 _BOUND = (
     "Bounds: a fit misses them by some part, often a fifth; --check 40 simulates 40 placements and fits them"
@@ -74,7 +74,7 @@ def _percent(_: click.Context, parameter: click.Parameter, text: str | None) -> 
 @options.option("--area-error", "area_percent", metavar="PERCENT", callback=_percent,
                 help="Look for designs that reach this standard error of the area, such as 8%.")  # fmt: skip
 @options.option("--check", "placements", type=options.WholeRange(1), metavar="N",
-                help="Simulate N placements on SENSOR, or the coarsest designs that do, and fit them.")  # fmt: skip
+                help="Simulate and fit N placements: on SENSOR, or on designs from the coarsest on.")  # fmt: skip
 @options.option("--construction", multiple=True,
                 help="Design: try this one; repeat. Default: all flat, or all round.")  # fmt: skip
 @options.number("--pitch", multiple=True, metavar="MM", help="Design: try this pitch; repeat.")
@@ -224,7 +224,7 @@ def _show_area(sensor: Sensor, outline: Outline, noise: Noise, found: list[Limit
 
 
 def _coarsest(reached: list[Design]) -> list[Sensor]:
-    """Return the coarsest sensors among designs, each pitch, length and construction once."""
+    """Return the coarsest sensors among designs, each pitch, length and construction once, the coarsest first."""
     alike: dict[tuple[str, float, float], Sensor] = {}
     for d in sorted(reached, key=lambda d: (-d.sensor.pitch_mm, d.sensor.strips, -(d.sensor.adc_bits or 0))):
         alike.setdefault((d.sensor.construction, d.sensor.pitch_mm, d.sensor.length_mm), d.sensor)
@@ -257,12 +257,14 @@ def _show_check(
             within = np.ones(placements, dtype=bool)
             for errors, most in zip((found.rms_mm, found.area_percent), wanted, strict=True):
                 within &= True if most is None else errors <= most
-            reached += [sensor] if within.mean() >= _MOST_FITS else []
+            if wanted != (None, None) and within.mean() >= _MOST_FITS:
+                reached.append(sensor)
+                break
     click.echo("\n".join(lines))
     if wanted != (None, None):
         first = reached[0] if reached else None
         click.echo(
-            "On none of these nine fits of ten are within what is wanted: try finer pitches"
+            "On none of these are nine fits of ten within what is wanted: try finer pitches"
             if first is None
             else f"Nine fits of ten are within what is wanted on pitch {first.pitch_mm:.4g} mm, {first.construction}"
         )
@@ -275,14 +277,16 @@ def _middle_and_most(errors: FloatArray, width: int) -> str:
     return f"{ordered[len(ordered) // 2]:>{width}.3g}{most:>9.3g}"
 
 
-def _why_open(outline: Outline) -> str:
-    """Say which pitch gives each edge the two strips that it needs."""
+def _why_open(outline: Outline, pitch_mm: float) -> str:
+    """Say why readings of all signatures do not determine an outline, and which pitch does."""
     across = np.abs(np.diff(outline.vertices[:, 0], append=outline.vertices[0, 0]))
-    shortest = across[across > 1e-6 * across.max()].min()
+    shortest = float(across[across > 1e-6 * across.max()].min())
+    if pitch_mm <= 0.5 * shortest:
+        return "the strips in contact do not determine it; a finer pitch or a wider contact would"
     return (
         f"the {len(outline.vertices)} corners are known where each edge crosses two strips, and the shortest spans "
-        f"{shortest:.3g} mm across them: a pitch of {0.5 * shortest:.2g} mm or less does, whatever the noise; for the "
-        "area of a round object give circle:RADIUS, or corners that turn by 45 deg at most"
+        f"{shortest:.3g} mm across them: a pitch of {0.5 * shortest:.2g} mm or less does; for the area of a round "
+        "object give circle:RADIUS, or corners that turn by 45 deg at most"
     )
 
 
@@ -296,9 +300,9 @@ def _show_limits(sensor: Sensor, outline: Outline, found: list[Limit]) -> None:
         click.echo(f"{x:9.6g} {y:9.6g}" + "".join(f"{a:>11.3g}{b:>9.3g}" for a, b in pairs))
     click.echo("RMS over vertices  " + "".join(f"{limit.rms:>20.3g}" for limit in found))
     if not all(math.isfinite(limit.rms) for limit in found):
-        click.echo(
-            f"inf: the strips in contact ({sensor.pitch_mm:g} mm apart) do not determine it: {_why_open(outline)}"
-        )
+        alone = math.isfinite(found[-1].rms)
+        why = "one signature alone does not determine it" if alone else _why_open(outline, sensor.pitch_mm)
+        click.echo(f"inf: {why}")
 
 
 def _show_joint(
@@ -334,7 +338,8 @@ def _show_designs(
         and not any(math.isfinite(d.error_mm) for d in judged)
         and not is_round(outline)
     ):
-        click.echo(f"No noise is small enough: {_why_open(outline)}")
+        finest = min(d.sensor.pitch_mm for d in judged)
+        click.echo(f"No noise is small enough: {_why_open(outline, finest)}")
     elif not reached:
         click.echo("Try a longer --length list, finer --pitch, more --try-bits, or a larger error")
     if others:
