@@ -18,18 +18,24 @@ from tacstrip.errors import OptionError, ReadingError
 from tacstrip.files import replacing
 from tacstrip.io.input_checks import half_read, implausible, misread
 from tacstrip.io.readings import read_readings
+from tacstrip.io.table import write_table
 from tacstrip.sensor.raw import invert_calibration
 from tacstrip.stream.codes import decode
 from tacstrip.stream.recording.recorder import Recorder
 from tacstrip.stream.replay import ReadingsSource, Recording, open_source
 from tacstrip.stream.source import RawScan, TrackedShape
-from tacstrip.tracking.geojson import write_tracks
+from tacstrip.tracking.geojson import track_records, write_tracks
 from tacstrip.tracking.track import Track, track
+
+_OPEN_DEG = 30.0  # standard deviation of a turn from which on it is not said
 
 
 @click.command()
 @options.sensor_and_input("[SENSOR] RECORDING")
-@options.output("New file, .geojson or .mcap; left out: only what is printed.", required=False)
+@options.output(
+    "New file: .geojson, .mcap, or a table (.csv: a row per object and scan); left out: only what is printed.",
+    required=False,
+)
 @options.FORCE
 @options.noise
 @options.WITHOUT
@@ -52,8 +58,10 @@ def command(
     protect(output, *files)
     protect(plot, *files, output)
     recorded = output is not None and output.suffix.lower() == ".mcap"
-    if output is not None and output.suffix.lower() not in (".mcap", ".geojson", ".json"):
-        raise OptionError(f"-o {output}: objects over time go into a file that ends in .geojson or .mcap")
+    if output is not None and output.suffix.lower() not in (".mcap", ".geojson", ".json", ".csv"):
+        raise OptionError(
+            f"-o {output}: objects over time go into a file that ends in .geojson, .csv or .mcap"
+        )
     options.belong(output, "is for a file: -o FILE", "force")
     if output is not None and recorded:
         new_file(output, force, *files)
@@ -79,6 +87,8 @@ def command(
     if output is not None:
         if source is not None and recorded:
             _record(output, files, source, raws, tracks)
+        elif output.suffix.lower() == ".csv":
+            write_table(output, track_records(tracks))
         else:
             write_tracks(output, tracks)
         note(f"{output} written")
@@ -144,8 +154,12 @@ def _way(one: Track, seen: npt.NDArray[np.int_]) -> str:
     text = (
         f"its centroid moved {net[0]:.3g} mm across and {net[1]:.3g} mm along the strips from first to last"
     )
-    text += f", turned {net[2]:.3g} deg"
-    if 0.0 < off < 180.0:
+    if one.by_scan is not None:
+        return f"{text}; how far it turned is not known"
+    if off > _OPEN_DEG:
+        return f"{text}; how far it turned is not known (+- {off:.2g} deg)"
+    text += f", {'perhaps ' if one.status == 'doubtful' else ''}turned {net[2]:.3g} deg"
+    if off > 0.0:
         text += f" +- {off:.2g}"
     more = most > np.abs(net) + 6.0 * np.nan_to_num(np.nanmedian(spread, axis=0)) + (0.1, 0.1, 0.1)
     if more.any():
@@ -162,9 +176,11 @@ def _line(one: Track) -> str:
     if one.joint:
         text += f", {len(one.joint)} of them on strips shared with others"
     if len(one.outline):
-        text += f", {len(one.outline)} corners, {one.area_mm2:.6g} mm2"
-        if np.isfinite(one.area_deviation_mm2):
-            text += f" +- {one.area_deviation_mm2:.2g}"
+        area, off = one.area_mm2, one.area_deviation_mm2
+        spread = f" +- {off:.2g}" if np.isfinite(off) else ""
+        text += f", {len(one.outline)} corners, " + (
+            "an area that is not known" if off > area else f"{area:.6g} mm2{spread}"
+        )
         text += f", {_way(one, seen)}"
     if one.motion != "free":
         text += f"; taken for {one.motion}"
