@@ -121,7 +121,7 @@ WRITES = [
     ("replay r.mcap --fast --plot out.pdf", "out.pdf"),
     ("demo --out .", "shape.geojson"),
     ("calibrate s.toml runs.csv --model offset -o /dev/null --report report", "report/figures/worst.png"),
-    ("noise still.csv --sensor s.toml -o out.toml", "out.toml"),
+    ("noise still.csv s.toml -o out.toml", "out.toml"),
     ("record r.mcap -o new.mcap", NEW),
     ("live r.mcap --no-view --speed 1000 -o new.mcap", NEW),
     ("doctor r.csv --sensor s.toml --plot out.png", "out.png"),

@@ -33,6 +33,7 @@ from .io.readings import read_readings as read_readings
 from .io.readings import write_readings as write_readings
 from .io.runs import Runs as Runs
 from .io.runs import read_runs as read_runs
+from .io.table import object_records as object_records
 from .reconstruction.cramer_rao import vertex_covariance as vertex_covariance
 from .reconstruction.cramer_rao import vertex_rms as vertex_rms
 from .reconstruction.known_object import fit_object as fit_object

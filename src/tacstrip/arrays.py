@@ -15,7 +15,7 @@ BoolArray: TypeAlias = npt.NDArray[np.bool_]
 def plain(values: npt.ArrayLike, digits: int | None = None) -> Any:
     """Return an array as nested lists of numbers for JSON, rounded to `digits`, None for what is not finite."""
     array = np.asarray(values, dtype=float)
-    numbers = (array if digits is None else np.round(array, digits)).astype(object)
+    numbers = np.array(array if digits is None else np.round(array, digits), dtype=object)
     numbers[~np.isfinite(array)] = None
     return numbers.tolist()
 

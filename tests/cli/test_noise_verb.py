@@ -47,7 +47,7 @@ def test_a_still_press_becomes_a_table_that_everything_takes(folder: Path) -> No
     noise = ts.Sensor.load(spec).noise
     assert noise is not None
     assert noise.white == pytest.approx(0.004, rel=0.1)
-    again = run("noise", folder / "still.csv", "--sensor", spec, "-o", folder / "new.toml", "--vertices", 4)
+    again = run("noise", folder / "still.csv", spec, "-o", folder / "new.toml", "--vertices", 4)
     assert again.exit_code == 0, again.output
     assert (folder / "new.toml").read_text().count("[noise]") == 1
 
@@ -90,9 +90,9 @@ def test_what_cannot_be_told_is_exit_code_1_and_writes_nothing(folder: Path) -> 
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("noise", "{}/still.csv"), "name its spec: --sensor sensor.toml"),
-        (("noise", "{}/still.csv", "--sensor", "{}/sensor.toml", "--plot", "{}/a.txt"), "a picture is a file"),
-        (("noise", "{}/still.csv", "--sensor", "{}/sensor.toml", "-o", "{}/still.csv"), "would be written over"),
+        (("noise", "{}/still.csv"), "/still.csv sensor.toml"),
+        (("noise", "{}/still.csv", "{}/sensor.toml", "--plot", "{}/a.txt"), "a picture is a file"),
+        (("noise", "{}/still.csv", "{}/sensor.toml", "-o", "{}/still.csv"), "would be written over"),
         (("reconstruct", "{}/sensor.toml", "{}/still.csv", "--average", "999"), "--average 999"),
         (("simulate", "{}/sensor.toml", "{}/contact.wkt", "-o", "{}/a.csv", "--noisy"), "has no [noise] table"),
         (("simulate", "{}/sensor.toml", "{}/contact.wkt", "-o", "{}/a.csv", "--rate", "3"), "--rate needs"),

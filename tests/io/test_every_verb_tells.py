@@ -22,7 +22,7 @@ READ = [
     "convert s.toml r.csv -o out.mcap --force",
     "live s.toml r.csv --no-view --speed 1000",
     "doctor r.csv --sensor s.toml",
-    "noise r.csv --sensor s.toml",
+    "noise r.csv s.toml",
     "record r.mcap -o out.mcap --force",
     "convert r.mcap -o out.csv --force",
     "replay r.mcap --fast",

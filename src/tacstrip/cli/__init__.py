@@ -196,8 +196,11 @@ def load_layers(spec: str | Path, without: Sequence[str] = ()) -> AnySensor:
     return sensor
 
 
-def load_log(file: Path, spec: str | None) -> Log:
-    """Read readings (.csv) of the sensor of a spec, or a recording, for the doctor; what is misread is told."""
+def load_log(file: Path, spec: str | None, call: str = "--sensor sensor.toml") -> Log:
+    """Read readings (.csv) of the sensor of a spec, or a recording; `call` is how the verb is told the spec.
+
+    What is misread is told.
+    """
     from tacstrip.diagnose.log import Log, read_log
     from tacstrip.io.input_checks import half_read, misread
     from tacstrip.stream.replay import Recording
@@ -211,7 +214,7 @@ def load_log(file: Path, spec: str | None) -> Log:
             lost = f"{source.condition.lost_bytes} bytes of {source.condition.total_bytes}"
             return replace(log, missing=f"the recording is cut: {lost} lie after its last whole part")
     if spec is None:
-        raise OptionError(f"{file} does not say what sensor it is of; name its spec: --sensor sensor.toml")
+        raise OptionError(f"{file} does not say what sensor it is of; name its spec: {call}")
     log = read_log(file, load_sensor(spec))
     warn(half_read(file, log.sensor, tuple(log.raw)), *misread(file, log.sensor, log.raw))
     return log

@@ -20,9 +20,7 @@ _SHOWN = (1, 16, 64)  # scans averaged
 
 @click.command()
 @click.argument("recording", type=options.FILE)
-@options.option(
-    "--sensor", metavar="SENSOR", help="Spec file or shipped spec; a recording (.mcap) holds its own."
-)
+@click.argument("sensor", metavar="[SENSOR]", required=False)
 @options.output("Write the spec with the noise to this file.", required=False)
 @options.file("--write", metavar="SENSOR.toml",
               help="Put the noise into this spec; its other lines stay as they are.")  # fmt: skip
@@ -38,6 +36,7 @@ def command(
 ) -> None:
     """Learn the parts of a sensor's noise from RECORDING: readings (CSV) or a recording (.mcap) of a still press.
 
+    SENSOR, a spec file or a shipped spec, is left out where --write names it, and for a .mcap, which holds its own.
     A minute of a press that rests on many strips tells the contact's noise; untouched strips only the converter's.
     Exit code 1: it cannot be told, for the contact moves, or nothing touches; then no spec is written.
 
@@ -47,7 +46,7 @@ def command(
     protect(write, recording)
     protect(plot, recording, sensor, output, write)
     spec = sensor or (None if write is None else str(write))
-    log = load_log(recording, spec)
+    log = load_log(recording, spec, f"tacstrip noise {recording} sensor.toml")
     warn_of_log(recording, log)
     if not log.sensor.kind.closed_form:
         raise OptionError(

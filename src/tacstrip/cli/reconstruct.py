@@ -16,10 +16,10 @@ from tacstrip.cli import check_method, load_layers, note, options, protect, save
 from tacstrip.contact.noise import Noise
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import OptionError, ReadingError, number
-from tacstrip.geometry.metrics import mismatch
 from tacstrip.io.geojson import feature_collection, read_contact, write_geojson
 from tacstrip.io.input_checks import half_read, implausible, misread, one_reading
 from tacstrip.io.readings import read_readings
+from tacstrip.io.table import nearest_mismatch, object_records, write_table
 from tacstrip.reconstruction.implausible import doubt_scale
 from tacstrip.reconstruction.known_object import fit_object
 from tacstrip.reconstruction.methods import chosen_method, reconstruct
@@ -44,7 +44,10 @@ _OF_METHODS = {  # option: the methods that have it
 @click.command()
 @options.SENSOR
 @click.argument("readings", metavar="READINGS", type=options.FILE)
-@options.output("GeoJSON file; printed if left out.", required=False)
+@options.output(
+    "GeoJSON file, or a table (.csv: a row per object and scan); GeoJSON is printed if left out.",
+    required=False,
+)
 @options.option("--method", help="polygon (all strips, the default), vertex or profile (the thesis'), or pieces: "
                 "several objects on the same strips.")  # fmt: skip
 @options.option("--signature", help="Use one only, for polygon or vertex: kh, kl or k.")
@@ -81,7 +84,7 @@ def command(
 ) -> None:
     """Recover the shapes that touched SENSOR (a spec file or a shipped spec) from READINGS (CSV).
 
-    Writes GeoJSON in mm, a Feature per object, with its status. Exit code 1: no shape could be recovered.
+    Writes GeoJSON in mm, a Feature per object, with its status, or a table. Exit code 1: no shape could be recovered.
 
     Example: tacstrip reconstruct sensor.toml readings.csv -o shapes.geojson --plot shapes.png
     """
@@ -135,14 +138,18 @@ def command(
     if not layered:
         results = doubt_scale(results, used, unit)
     contact = read_contact(truth) if truth else None
-    if contact is not None and not _polygons(contact):
+    if contact is not None and not any(shape.area > 0.0 for shape in contact.shapes):
         raise OptionError(
             f"--truth {truth}: holds no polygon to compare with; a line or a point has no outline"
         )
     source = "" if chosen in _NOISELESS else options.noise_source(known, unit)
-    _report(results, contact, unit.width_mm if unit.closed else None, source)
+    around_mm = unit.width_mm if unit.closed else None
+    _report(results, contact, around_mm, source)
     if output is not None:
-        write_geojson(output, results)
+        if output.suffix.lower() == ".csv":
+            write_table(output, object_records(results, contact, around_mm=around_mm))
+        else:
+            write_geojson(output, results)
         note(f"{output} written")
     if plot is not None:
         truths = [contact] if contact else []
@@ -220,12 +227,6 @@ def _line(
     text += f". {found.advice}" if found.advice else ""
     if truth is None or not found.found:
         return text
-    near = min(_polygons(truth), key=lambda c: float(np.hypot(*(c.centroid - found.centroid))))
-    m = mismatch(near.vertices, found.vertices, around_mm=around_mm)
+    m = nearest_mismatch(found, truth, around_mm)
     numbers = f"M.C. {m.mc:.4g} rad, A.O.E. {m.aoe:.4g} rad, A.P.E. {m.ape:.4g} mm, IoU {m.iou:.3f}"
     return f"{text}\n    against the truth: {numbers}"
-
-
-def _polygons(truth: Contact) -> list[Contact]:
-    """Return the polygons of a contact, each on its own."""
-    return [Contact((shape,)) for shape in truth.shapes if shape.area > 0.0]

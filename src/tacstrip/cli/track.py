@@ -18,18 +18,22 @@ from tacstrip.errors import OptionError, ReadingError
 from tacstrip.files import replacing
 from tacstrip.io.input_checks import half_read, implausible, misread
 from tacstrip.io.readings import read_readings
+from tacstrip.io.table import write_table
 from tacstrip.sensor.raw import invert_calibration
 from tacstrip.stream.codes import decode
 from tacstrip.stream.recording.recorder import Recorder
 from tacstrip.stream.replay import ReadingsSource, Recording, open_source
 from tacstrip.stream.source import RawScan, TrackedShape
-from tacstrip.tracking.geojson import write_tracks
+from tacstrip.tracking.geojson import track_records, write_tracks
 from tacstrip.tracking.track import Track, track
 
 
 @click.command()
 @options.sensor_and_input("[SENSOR] RECORDING")
-@options.output("New file, .geojson or .mcap; left out: only what is printed.", required=False)
+@options.output(
+    "New file: .geojson, .mcap, or a table (.csv: a row per object and scan); left out: only what is printed.",
+    required=False,
+)
 @options.FORCE
 @options.noise
 @options.WITHOUT
@@ -52,8 +56,10 @@ def command(
     protect(output, *files)
     protect(plot, *files, output)
     recorded = output is not None and output.suffix.lower() == ".mcap"
-    if output is not None and output.suffix.lower() not in (".mcap", ".geojson", ".json"):
-        raise OptionError(f"-o {output}: objects over time go into a file that ends in .geojson or .mcap")
+    if output is not None and output.suffix.lower() not in (".mcap", ".geojson", ".json", ".csv"):
+        raise OptionError(
+            f"-o {output}: objects over time go into a file that ends in .geojson, .csv or .mcap"
+        )
     options.belong(output, "is for a file: -o FILE", "force")
     if output is not None and recorded:
         new_file(output, force, *files)
@@ -79,6 +85,8 @@ def command(
     if output is not None:
         if source is not None and recorded:
             _record(output, files, source, raws, tracks)
+        elif output.suffix.lower() == ".csv":
+            write_table(output, track_records(tracks))
         else:
             write_tracks(output, tracks)
         note(f"{output} written")

@@ -1,4 +1,4 @@
-"""Tracks as GeoJSON: a Feature per object, its outline where it was first seen, and its poses over time."""
+"""Tracks as GeoJSON, a Feature per object with its poses over time, and as a table, a row per object and scan."""
 
 from __future__ import annotations
 
@@ -48,6 +48,32 @@ def track_collection(tracks: Sequence[Track]) -> dict[str, Any]:
 def write_tracks(path: str | Path, tracks: Sequence[Track]) -> None:
     """Write tracks to a GeoJSON file, as `track_collection` has them."""
     write_text(path, json.dumps(track_collection(tracks), indent=1, allow_nan=False) + "\n")
+
+
+def track_records(tracks: Sequence[Track]) -> list[dict[str, Any]]:
+    """Return a record per object and scan that shows it, as `pandas.DataFrame(records)` takes them.
+
+    Keys: scan, time_s, object (its id), status, corners, area_mm2, x_mm, y_mm and angle_rad of the pose, each with its
+    standard deviation (area_sigma_mm2, x_sigma_mm, ...), and centroid_x_mm, centroid_y_mm; None where nothing is known.
+    """
+    records = []
+    for track, feature in zip(tracks, track_collection(tracks)["features"], strict=True):
+        about = feature["properties"]
+        for pose in about["poses"]:
+            record = {
+                "scan": pose["scan"],
+                "time_s": pose["time_s"],
+                "object": track.id,
+                "status": track.status,
+            }
+            record |= {"corners": len(track.outline)}
+            record |= {key: about[key] for key in ("area_mm2", "area_sigma_mm2")}
+            for name in ("x_mm", "y_mm", "angle_rad"):
+                what, unit = name.split("_")
+                record |= {name: pose[name], f"{what}_sigma_{unit}": pose["sigma"][name]}
+            record["centroid_x_mm"], record["centroid_y_mm"] = pose["centroid_mm"]
+            records.append(record)
+    return sorted(records, key=lambda record: record["scan"])
 
 
 def _feature(track: Track) -> dict[str, Any]:
