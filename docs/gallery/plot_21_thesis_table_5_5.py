@@ -1,8 +1,9 @@
 """
-A table of the thesis, run again
-================================
+A row of a table of the thesis, run again: M.C. under profile I
+===============================================================
 
-Table 5.5: Vertex Reconstruction of a triangle from k_l, with the errors of 5.1. Printed values beside a dozen draws.
+Table 5.5: Vertex Reconstruction of a triangle from k_l, with the errors of 5.1. Printed values beside a dozen draws;
+``tacstrip reproduce --table 5.5`` prints the whole table, all noises and measures.
 """
 
 import matplotlib.pyplot as plt
@@ -17,7 +18,9 @@ print(row.table, row.shape, row.algorithm, row.signature, row.noise)
 
 figure, axes = plt.subplots(figsize=(7, 4), layout="constrained")
 for position in range(POSITIONS):
-    ours = run_cell(number, position, 12).known[:, 0]  # M.C. [rad] of each draw that has a shape
+    ours = run_cell(number, position, 12).known[
+        :, 0
+    ]  # of M.C. [rad], A.O.E. [rad], A.P.E. [mm] of each draw with a shape
     axes.plot(np.full(len(ours), position + 1), ours, "_", color="#999999", markersize=18)
     print(f"position {position + 1}: printed {row.printed['mc'][position]:.3f}, ours {np.median(ours):.3f}")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 from pathlib import Path
@@ -114,6 +115,33 @@ def test_measures_are_what_they_say(tmp_path: Path) -> None:
     metal = measure(changed(case, {"sensor.construction": "crs-m", "shapes.n": 1}), ("bound", "profile"), 1)
     assert metal["bound_mm"] is not None
     assert "profile: " in str(metal["problem"])
+
+
+def test_what_was_not_found_counts(tmp_path: Path) -> None:
+    """Objects of some three pitches, of which the fit gives no outline for a part: the medians know of them."""
+    case = changed(_study(tmp_path).base, {"shapes.n": 13, "shapes.size_mm": (14.0, 14.0)})
+    row: dict[str, Any] = measure(case, ("polygon",), 1)
+    assert 0.0 < row["polygon_found"] < 0.9
+    assert row["polygon_p90_mm"] == math.inf  # more than a tenth has none
+    scans = ts.simulate_many(case.sensor, case.shapes, case.noise, rng=1, workers=1)
+    overlaps = []
+    for i, scan in enumerate(scans):
+        (truth,) = scans.contact(i).shapes
+        found = ts.fit_polygon(scan, case.sensor, case.noise, assessment="none").objects
+        one = len(found) == 1 and found[0].found
+        overlaps.append(ts.mismatch(truth.exterior.coords, found[0].vertices).iou if one else 0.0)
+    assert row["polygon_iou"] == pytest.approx(np.median(overlaps), abs=0.05)
+
+
+def test_the_overlap_has_a_picture(tmp_path: Path) -> None:
+    table: dict[str, list[Any]] = {
+        "polygon_mm": [1.0, 2.0, math.inf, None], "polygon_iou": [0.9, 0.8, 0.0, None], "connectors": [8.0] * 4,
+        "strips": [6.0] * 4, "rate_hz": [None] * 4, "sensor.pitch_mm": [1.0, 2.0, 3.0, 4.0],
+    }  # fmt: skip
+    front = pareto(table, "polygon_mm")
+    made = draw_sweep(table, ["sensor.pitch_mm"], "polygon_mm", front, tmp_path)
+    assert [file.name for _, file in made] == ["pareto.png", "parameters.png", "overlap.png"]
+    assert all(file.stat().st_size > 5000 for _, file in made)
 
 
 def test_the_thesis_simulation_is_a_study() -> None:

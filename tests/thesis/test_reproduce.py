@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import copy
 import json
+import re
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -22,6 +24,7 @@ from tacstrip.thesis.chapter6.claims import judge_chapter6, most_upright_deg
 from tacstrip.thesis.chapter6.tables import MEASURES, run_experiment
 from tacstrip.thesis.reproduce import inside_counts, reproduce
 from tacstrip.thesis.shapes import POSITIONS
+from verbs import run
 
 NUMBER = {e.figure: i for i, e in enumerate(experiments())}
 Made = tuple[Path, dict[str, Any]]
@@ -196,3 +199,24 @@ def test_the_report_has_chapter_6(made: Made) -> None:
         "overhanging",
     ):
         assert text in page
+
+
+def test_one_table_is_printed_beside_ours(tmp_path: Path) -> None:
+    done = run(tmp_path, "reproduce", "--table", "5.5", "--seeds", 3, "--workers", 1)
+    assert done.returncode == 0, done.stderr
+    lines = {line[:25].strip(): line[25:].split() for line in done.stdout.splitlines()}
+    assert lines["profile II, position 1"][0] == "?"  # not readable in print
+    assert lines["quantisation, position 2"][0].rstrip("*") == "0.062"
+    number = next(n for n, r in enumerate(rows()) if r.table == "5.5" and r.noise == "quantisation")
+    assert lines["quantisation, position 2"][1] == f"{np.median(run_cell(number, 1, 3).known[:, 0]):.3f}"
+    off = [line for line in done.stdout.splitlines() if re.search(r"\d\*", line)]
+    assert "printed values are inside our range" in done.stdout
+    assert off
+    assert not list(tmp_path.iterdir())
+    for words, sentence in {
+        ("--table", "5.1"): "choose one of: 5.2",
+        ("--table", "5.5", "--out", "x"): "--out is for the whole",
+    }.items():
+        done = run(tmp_path, "reproduce", *words)
+        assert done.returncode == 2
+        assert sentence in done.stderr

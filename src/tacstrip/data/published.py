@@ -24,7 +24,7 @@ class Row:
     figure
         Number of the figure that shows it, "5.5" to "5.60".
     printed
-        Metric to its five printed values; None where the source is not readable, NaN where it prints "-".
+        Metric to its five printed values (5,); NaN where the source prints "-", and all five where it is not readable.
     """
 
     table: str
@@ -34,7 +34,7 @@ class Row:
     signature: str | None
     shape: str
     noise: str
-    printed: dict[str, FloatArray | None]
+    printed: dict[str, FloatArray]
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ def region_residuals(sensor: str, signature: str, region: str) -> FloatArray:
 
 
 def _row(raw: dict[str, Any], figure: str) -> Row:
-    printed = {m: np.array(raw[m]) if m in raw else None for m in METRICS}
+    printed = {m: np.array(raw.get(m, [np.nan] * 5)) for m in METRICS}
     return Row(
         raw["table"], figure, raw["sensor"].lower(), raw["algorithm"], raw["signature"] or None, raw["shape"],
         raw["noise"], printed,

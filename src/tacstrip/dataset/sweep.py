@@ -27,7 +27,7 @@ import numpy as np
 
 from tacstrip.contact.noise import Noise
 from tacstrip.dataset.batches import available_cores
-from tacstrip.dataset.measures import COST_S, MEASURES, PROBLEM, Case, Row, columns, measure
+from tacstrip.dataset.measures import COST_S, DEFINITIONS, MEASURES, PROBLEM, Case, Row, columns, measure
 from tacstrip.dataset.shapes import Shapes
 from tacstrip.dataset.study import Study, optional
 from tacstrip.errors import OptionError, SpecError, TacstripError, one_of
@@ -176,6 +176,7 @@ class Sweep:
             "seed": self.seed,
             "parameters": self.parameters,
             "tacstrip": version("tacstrip"),
+            "definitions": DEFINITIONS,
         }
         common = hashlib.blake2b(json.dumps(content, sort_keys=True).encode(), digest_size=10)
         texts = itertools.product(*([json.dumps(value) for value in values] for _, values in self.axes))

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
+from tacstrip.arrays import FloatArray
 from tacstrip.plot.theme import RECOVERED, TRUE, legend_above, new_panels, plain_ticks, save
 
 _MOST = 12  # parameters that have a panel
@@ -53,6 +55,20 @@ def draw_sweep(
     shown = [name for name in parameters if len({str(v) for v in results[name]}) > 1][:_MOST]
     if not shown:
         return made
+    made.append(("Error over each parameter; dark dots are medians", folder / "parameters.png"))
+    save(_over_parameters(results, shown, errors, lambda axes: _error_axis(axes, error, errors)), made[-1][1])
+    iou = error.removesuffix("_mm") + "_iou"
+    if iou in results:
+        caption = "Overlap (IoU) over each parameter, 0 where no outline was found; dark dots are medians"
+        made.append((caption, folder / "overlap.png"))
+        save(_over_parameters(results, shown, _numbers(results[iou]), _overlap_axis), made[-1][1])
+    return made
+
+
+def _over_parameters(
+    results: Mapping[str, Sequence[Any]], shown: Sequence[str], ys: FloatArray, prepare: Callable[[Any], None]
+) -> Figure:
+    """Draw a column (designs,) over each parameter; `prepare` sets up each panel's y axis."""
     rows = -(-len(shown) // _ACROSS)
     figure, panels = new_panels(3.3 * min(len(shown), _ACROSS), 2.9 * rows, rows, min(len(shown), _ACROSS))
     for axes, name in zip(panels, shown, strict=False):
@@ -63,28 +79,28 @@ def draw_sweep(
             ticks = sorted({str(v) for v in values})
             at = np.array([ticks.index(str(v)) for v in values], dtype=float)
         few = len(set(at.tolist())) <= _MOST
-        axes.plot(at, errors, ".", color="0.75", markersize=3.0)
+        axes.plot(at, ys, ".", color="0.75", markersize=3.0)
         if few:  # the medians, joined where there is something between, say what the parameter does
             places = np.array(sorted(set(at.tolist())))
-            middle = [
-                np.nanmedian(errors[at == p]) if np.isfinite(errors[at == p]).any() else np.nan
-                for p in places
-            ]
+            middle = [np.nanmedian(ys[at == p]) if np.isfinite(ys[at == p]).any() else np.nan for p in places]
             axes.plot(places, middle, "o-" if ticks is None else "o", color=TRUE, markersize=4.0)
         if ticks is not None:
             axes.set_xticks(range(len(ticks)), ticks)
         else:
             _logarithmic(axes, "x", at)
         axes.set_xlabel(name)
-        _error_axis(axes, error, errors)
+        prepare(axes)
     for axes in panels[len(shown) :]:
         axes.set_visible(False)
-    made.append(("Error over each parameter; dark dots are medians", folder / "parameters.png"))
-    save(figure, made[1][1])
-    return made
+    return figure
 
 
-def _error_axis(axes: Any, name: str, errors: np.ndarray[Any, Any]) -> None:
+def _overlap_axis(axes: Any) -> None:
+    axes.set_ylabel("overlap (IoU)")
+    axes.set_ylim(-0.03, 1.03)
+
+
+def _error_axis(axes: Any, name: str, errors: FloatArray) -> None:
     axes.set_ylabel(
         name.replace("p90_mm", "(nine of ten)").replace("_mm", "").replace("_", " ") + ": error [mm]"
     )

@@ -21,8 +21,8 @@ def ranges(values: FloatArray, measures: Sequence[str]) -> dict[str, dict[str, f
     return dict(zip(measures, named, strict=True))
 
 
-def is_inside(printed: float | None, low: float | None, high: float | None) -> bool | None:
+def is_inside(printed: float, low: float | None, high: float | None) -> bool | None:
     """Tell whether a printed value lies in a range, give or take half its last digit; None if one is missing."""
-    if printed is None or np.isnan(printed) or low is None or high is None:
+    if np.isnan(printed) or low is None or high is None:
         return None
     return bool(low - _HALF_DIGIT <= printed <= high + _HALF_DIGIT)

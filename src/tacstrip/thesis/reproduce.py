@@ -13,6 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tacstrip.data.published import METRICS, experiments, published, rows
+from tacstrip.errors import OptionError, one_of
 from tacstrip.files import write_text
 from tacstrip.interrupt import worker_processes
 from tacstrip.plot.theme import save
@@ -82,6 +83,33 @@ def reproduce(
     return tables
 
 
+def reproduce_table(table: str, seeds: int, workers: int | None, progress: Progress) -> list[dict[str, Any]]:
+    """Reproduce one table of 5.2 to 5.14, or one of 6.2, 6.3, 6.4 and 6.6, without a file.
+
+    Returns
+    -------
+    list of dict
+        Its rows as in `tables.json`: what is printed, and `ours`.
+
+    Raises
+    ------
+    OptionError
+        There is no such table.
+    """
+    run = {"simulation": _summary, "experiment": run_experiment}
+    found = [(k, n) for k in run for n, row in enumerate(published()[k]) if row["table"] == table]
+    if not found:
+        tables = dict.fromkeys(row["table"] for key in run for row in published()[key])
+        raise OptionError(one_of("--table", table, list(tables)))
+    done: dict[Any, Any] = {}
+    with worker_processes(workers) as pool:
+        futures = {pool.submit(run[key], number, seeds): (key, number) for key, number in found}
+        for future in as_completed(futures):
+            done[futures[future]] = future.result()
+            progress(len(done), len(found))
+    return [{**published()[key][number], "ours": done[key, number]} for key, number in found]
+
+
 def inside_counts(tables: dict[str, Any]) -> dict[str, tuple[int, int]]:
     """Return table number to (printed values inside our range, printed values compared)."""
     counts: dict[str, tuple[int, int]] = {}
@@ -99,6 +127,10 @@ def _run_row(number: int, seeds: int, folder: Path, kind: str) -> dict[str, Any]
     row = rows()[number]
     _save(chapter5.recovery(row, [cell.sample for cell in cells]), folder, row.figure, kind)
     return summarise(number, cells)
+
+
+def _summary(number: int, seeds: int) -> dict[str, Any]:
+    return summarise(number, [run_cell(number, position, seeds) for position in range(POSITIONS)])
 
 
 def _draw(figure: str, folder: Path, kind: str) -> None:

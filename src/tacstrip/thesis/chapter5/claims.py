@@ -172,7 +172,7 @@ def _ambiguous() -> Claim:
 def _polygon_fit(ours: Tables) -> list[Claim]:
     """Judge the polygon fit, which the thesis does not have, on the noisy cells."""
     fits = [(row, o["polygon"]) for row, o in zip(rows(), ours, strict=True) if o["polygon"]]
-    known = [(row.printed["mc"], fit["failed"]) for row, fit in fits if row.printed["mc"] is not None]
+    known = [(row.printed["mc"], fit["failed"]) for row, fit in fits if np.isfinite(row.printed["mc"]).any()]
     failed = [share for mc, shares in known for share, v in zip(shares, mc, strict=True) if np.isnan(v)]
     worst, least = max(failed, default=0.0), "errs less than print, or as little as can be"
     return [

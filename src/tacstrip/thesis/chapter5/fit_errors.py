@@ -103,7 +103,6 @@ def reached(row: Row, medians: FloatArray, bound: FloatArray, position: int) -> 
 
     None where nothing is printed.
     """
-    read = (row.printed[metric] for metric in METRICS)
-    printed = [np.nan if values is None else values[position] for values in read]
+    printed = [row.printed[metric][position] for metric in METRICS]
     verdicts = zip((medians < printed).tolist(), (medians <= WITHIN * bound).tolist(), strict=True)
     return [None if np.isnan(value) else verdict for value, verdict in zip(printed, verdicts, strict=True)]

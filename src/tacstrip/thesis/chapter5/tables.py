@@ -161,6 +161,5 @@ def _points(values: list[FloatArray]) -> dict[str, dict[str, list[float | None]]
     return {m: {point: [r[m][point] for r in at] for point in POINTS} for m in METRICS}
 
 
-def _inside(printed: FloatArray | None, ours: dict[str, list[float | None]]) -> list[bool | None]:
-    values = [None] * POSITIONS if printed is None else printed
-    return [is_inside(*value) for value in zip(values, ours["p05"], ours["p95"], strict=True)]
+def _inside(printed: FloatArray, ours: dict[str, list[float | None]]) -> list[bool | None]:
+    return [is_inside(*value) for value in zip(printed, ours["p05"], ours["p95"], strict=True)]
