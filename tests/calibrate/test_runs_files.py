@@ -207,6 +207,13 @@ def test_from_plan_to_calibrated_spec(bench: Path) -> None:
     done = run(spec, runs, "-o", out, "--report", bench / "report", "--plot", bench / "strips.svg")
     assert done.code == 0
     assert "learned" in done.text
+    lines = [line for line in done.text.splitlines() if "furthest off" in line or "residuals, after" in line]
+    before, after = (re.findall(r"strip (\d) \(([\d.]+) %\)", line) for line in lines)
+    assert {strip for strip, _ in before} == {strip for strip, _ in after} == {"1", "2"}
+    assert all(
+        float(old) > 0.3 > 0.1 > float(new) > 0.02 for (_, old), (_, new) in zip(before, after, strict=True)
+    )
+    assert [float(new) for _, new in after] == sorted((float(new) for _, new in after), reverse=True)
     assert "<svg" in (bench / "strips.svg").read_text(encoding="utf-8")
     sensor = ts.Sensor.load(out)
     assert sensor.calibration is not None

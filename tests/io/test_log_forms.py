@@ -869,7 +869,8 @@ def test_the_page_shows_what_the_verbs_do(tmp_path: Path, monkeypatch: pytest.Mo
             assert done.exit_code == ("Error" in printed)
     known = ["--construction", "crs-crs", "--vref", "5", "--bits", "10"]
     done = CliRunner().invoke(cli, ["init", "open.toml", "--from", "bench.log", *known])
-    assert done.stdout == "open.toml begun. Fill in what stands as '?': pitch_mm, length_mm\n"
+    call = "tacstrip import bench.log open.toml -o readings.csv"
+    assert done.stdout == f"open.toml begun. Fill in what stands as '?': pitch_mm, length_mm; then: {call}\n"
     with pytest.raises(
         ts.SpecError, match=r"open.toml: pitch_mm, length_mm: still to be filled in, where '\?'"
     ):

@@ -40,7 +40,7 @@ _MOST_LINES = 20
 @options.flag("--force", help="Take runs that say that they are of another unit, or do not fit.")
 @options.flag("--plan", "planned", help="Print the contacts to make; -o writes them as RUNS to fill in.")
 @options.number("--wanted", default=0.2, help="For --plan: accuracy [%].")
-@options.number("--noise", default=0.2, help="For --plan: +- of a reading [%].")
+@options.number("--noise", default=0.2, help="For --plan: half-width of a reading's error [%].")
 @options.flag("--uneven", help="For --plan: the rubber may vary along y.")
 @options.number("--unit-mm", help="For --plan: step of the places [mm]; by default L / 32.5.")
 @options.flag("--rezero", "zeroed", help="SENSOR is a calibrated spec, and in place of RUNS stand "
@@ -177,8 +177,9 @@ def _show_result(result: Calibrated) -> None:
         )
     from tacstrip.report.calibration import wrongest  # late, as all that loads Matplotlib
 
-    furthest = ", ".join(f"strip {strip} ({percent:.2g} %)" for strip, percent in wrongest(result, 3))
-    click.echo(f"  furthest off before: {furthest}")
+    for when, after in (("furthest off before", False), ("largest residuals, after", True)):
+        worst = wrongest(result, 3, after=after)
+        click.echo(f"  {when}: {', '.join(f'strip {strip} ({percent:.2g} %)' for strip, percent in worst)}")
     for p in result.parameters:
         if p.strip is None:
             click.echo(f"  {p.name} = {p.value:.5g} +- {p.sigma:.2g} {p.unit}".rstrip())

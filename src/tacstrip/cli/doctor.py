@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import click
+import numpy as np
 
 from tacstrip.cli import load_log, note, options, protect
 from tacstrip.diagnose.doctor import diagnose
@@ -77,7 +78,13 @@ def _noise(report: Report) -> str:
         return "Noise: not measured; it needs scans that follow each other closely"
     where = "above profile II (+-1 %)" if noise.profile == "above II" else f"within profile {noise.profile}"
     most = "" if noise.steady else "at most "
-    text = f"Noise: P.U. {most}+-{noise.half_width_percent:.2g} % of Vref, {where}"
+    half = noise.half_width_percent
+    text = f"Noise: P.U. {most}+-{half:.2g} % of Vref by the median channel, {where}"
+    if np.isfinite(noise.strips).any():
+        worst = int(np.nanargmax(noise.strips))
+        percent = 100.0 * math.sqrt(3.0) * noise.strips[worst]
+        text += f"; strip {worst + report.strip_base} is the noisiest, +-{percent:.2g} %"
+    text += f"; for other verbs: --positional {half / 100.0:.2g}"
     if math.isfinite(noise.vertex_rms_mm):
         text += f"; corners of a typical contact to {noise.vertex_rms_mm:.3g} mm RMS at best"
     return text if noise.steady else text + " (the scan rate is too low to separate noise from motion)"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from pathlib import Path
 from typing import Any
 
@@ -58,6 +59,8 @@ def command(
     options.belong(log, "answers questions of a log; name it with --from", "answers")
     then = f"simulate {file} CONTACT.wkt"
     if log is not None:
+        told = "".join(f" --answer {shlex.quote(answer)}" for answer in answers)
+        then = f"import {shlex.quote(str(log))} {shlex.quote(str(file))}{told}"
         text, unknown = _begun(log, answers, keys)
     else:
         sensor = _made(keys) if like is None else Sensor.load(like)
@@ -69,10 +72,11 @@ def command(
         click.echo(text, nl=False)
         return
     write_text(file, text)
+    call = f"tacstrip {then} -o readings.csv"
     if unknown:
-        click.echo(f"{file} begun. Fill in what stands as {UNKNOWN!r}: {', '.join(unknown)}")
+        click.echo(f"{file} begun. Fill in what stands as {UNKNOWN!r}: {', '.join(unknown)}; then: {call}")
     else:
-        click.echo(f"{file} written. Edit it, then: tacstrip {then} -o readings.csv")
+        click.echo(f"{file} written. Edit it, then: {call}")
 
 
 def _first_press(sensor: Sensor) -> str:

@@ -39,6 +39,7 @@ class WholeRange(_InDigits, click.IntRange):
     """Whole numbers from one to another."""
 
 
+HALF_WIDTH = "half-width over Vref; of a standard deviation s give 1.73 s"  # of a uniform error
 _MUCH = 0.05  # of Vref: five times P.U. profile II
 NUMBER, WHOLE = _Number(), _Whole()
 FILE = click.Path(path_type=Path)
@@ -163,7 +164,7 @@ def noise(command: Callable[..., None]) -> Callable[..., None]:
     @number("--quantisation", default=0.0,
             help="C.Q.E. of the readings, half-width over Vref (thesis: 0.001).")  # fmt: skip
     @number("--positional", default=0.0,
-            help="P.U. of the readings, half-width over Vref (thesis: 0.005, 0.01).")  # fmt: skip
+            help=f"P.U. of the readings, {HALF_WIDTH} (thesis: 0.005, 0.01).")  # fmt: skip
     @option("--distribution", default="uniform", help="uniform or normal.")
     @functools.wraps(command)
     def call(quantisation: float, positional: float, distribution: Any, **rest: Any) -> None:

@@ -122,9 +122,9 @@ class Quality:
     Attributes
     ----------
     sigma
-        Standard deviation of a reading over Vref, all channels together; NaN where it could not be noise.
+        Standard deviation of a reading over Vref, the median of the channels'; NaN where it could not be noise.
     strips
-        The same for each strip (strips,), NaN where there was too little.
+        That of each strip's noisier channel (strips,), NaN where there was too little.
     half_width_percent
         P.U.: half-width of a uniform error of this sigma, in % of Vref (5.1.3).
     profile

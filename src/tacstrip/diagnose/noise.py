@@ -36,7 +36,7 @@ class NoiseEstimate:
     Attributes
     ----------
     sigma
-        Of all channels together.
+        The median of the channels.
     strips
         Of each strip (strips,), the larger of its channels.
     steady

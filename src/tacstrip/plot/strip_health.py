@@ -110,7 +110,11 @@ def health_figure(log: Log, report: Report) -> Figure:
         noise.axhline(100.0 * level, color="#555555", linewidth=0.8, linestyle="--")
         at = noise.get_yaxis_transform()  # x in parts of the axes
         noise.text(1.005, 100.0 * level, f"profile {number}", transform=at, fontsize="small", va="center")
-    noise.set(ylabel="noise [+-% of Vref]", xlabel="strip")
+    median = report.quality.half_width_percent
+    if np.isfinite(half).any():
+        noise.axhline(median, color="#b3400a", linewidth=1.0, label=f"median channel: +-{median:.2g} %")
+        legend(noise, loc="lower right")
+    noise.set(ylabel="noise [+-% of Vref],\nnoisier channel", xlabel="strip")
     for panel in (readings, noise):
         panel.set_xlim(strips[0] - 0.6, strips[-1] + 0.6)
         panel.xaxis.set_major_locator(MaxNLocator(integer=True))

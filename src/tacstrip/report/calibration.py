@@ -41,14 +41,21 @@ def write_report(result: Calibrated, folder: Path) -> Path:
     write_page(
         file, "calibration.html.j2", result=result, sensor=result.sensor, calibration=result.sensor.calibration,
         equivalent_noise=equivalent_noise(result), summaries=error_summaries(result), strips=_strips(result),
-        wrongest=wrongest(result), pictures=pictures, graphs=len(graphed_strips(result)),
+        wrongest=(wrongest(result), wrongest(result, after=True)), pictures=pictures,
+        graphs=len(graphed_strips(result)),
     )  # fmt: skip
     return file
 
 
-def wrongest(result: Calibrated, most: int = 5) -> list[tuple[int, float]]:
-    """Return the strips whose raw readings were furthest off, as files number them, and how far [% of Vref]."""
-    off = np.nan_to_num(strip_errors(result.before, np.isfinite(result.runs.l_mm)))
+def wrongest(result: Calibrated, most: int = 5, *, after: bool = False) -> list[tuple[int, float]]:
+    """Return the strips whose raw readings were furthest off, as files number them, and how far [% of Vref].
+
+    With `after`, those with the largest residuals: what the calibration leaves of the runs that it counts.
+    """
+    errors, which = (
+        (result.after, result.counted) if after else (result.before, np.isfinite(result.runs.l_mm))
+    )
+    off = np.nan_to_num(strip_errors(errors, which))
     order = np.argsort(-off, kind="stable")[:most]
     return [(int(i) + result.sensor.strip_base, float(off[i])) for i in order]
 
