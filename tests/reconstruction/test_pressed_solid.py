@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -99,6 +100,42 @@ def test_of_a_ball_on_a_ball_radius_and_force_are_not_told() -> None:
     assert known.radius_mm == 6.0
 
 
+def test_a_ball_on_a_tube_is_told_by_a_mean_of_scans_and_the_advice_says_so() -> None:
+    strip = ts.Surface(kind="cylinder", radius_mm=25.0, height_mm=100.0, along="parallels", around_deg=355)
+    tube = ts.Sensor(
+        construction="crs-crs",
+        strips=100,
+        surface=strip,
+        pitch_mm=strip.pitch_mm(100),
+        length_mm=strip.length_mm(100),
+    )
+    patch = ts.press(tube, ts.Solid.sphere(8.0).at((-25, 0, 50), toward=(1, 0, 0)), depth_mm=1.5)
+    noise = ts.Noise(positional=0.005)
+    scans = [ts.simulate(tube, patch, noise, rng=i) for i in range(32)]
+    one = ts.fit_solid(scans[0], tube, ts.Solid.sphere(5.0), noise)
+    assert one.status == "doubtful"
+    assert "leave its radius and its area open: hold it still and average more scans, or press" in one.advice
+    mean = ts.fit_solid(ts.Scan.mean(scans), tube, ts.Solid.sphere(5.0), noise)
+    assert mean.status == "ok"
+    assert mean.intervals["radius_mm"][0] < 8.0 < mean.intervals["radius_mm"][1]
+
+
+def test_what_is_not_told_is_a_sentence() -> None:
+    """Four strips of one signature: as many readings as unknowns, which no averaging changes."""
+    tube = ts.Sensor(construction="cyl-crs-m", strips=78, pitch_mm=2.0, length_mm=100.0, radius_mm=25.0)
+    patch = ts.press(tube, ts.Solid.sphere(8.0).at((-25, 0, 50), toward=(1, 0, 0)), depth_mm=1.5)
+    noise = ts.Noise(positional=0.005)
+    found = ts.fit_solid(ts.simulate(tube, patch, noise, rng=0), tube, ts.Solid.sphere(5.0), noise)
+    assert math.isnan(found.radius_mm)
+    assert "force not told" in repr(found)
+    low, high = map(float, re.findall(r"95 % from ([\d.]+) to ([\d.]+) mm", found.advice)[0])
+    assert low < 8.0 < high
+    assert "4 readings for 4 unknowns" in found.advice
+    assert "use finer strips or two signatures" in found.advice
+    assert "area and direction hold" not in found.advice
+    assert "average" not in found.advice
+
+
 def test_readings_of_another_object_and_of_none_are_not_ok() -> None:
     # As many readings as an edge has unknowns: before, this box was surely an edge, of 1.9 times the force.
     two, few = pressed(ts.Solid.box((14.0, 4.0, 6.0)), 0.6, 0.9)
@@ -106,7 +143,8 @@ def test_readings_of_another_object_and_of_none_are_not_ok() -> None:
     found = ts.fit_solid(few, TIP, ts.Solid.edge(), NOISE)
     assert found.status == "doubtful"
     assert (
-        "no more readings than unknowns: nothing tells whether it is of the kind given, edge" in found.advice
+        "unknowns: nothing tells whether it is of the kind given, edge, and averaging changes nothing in"
+        in found.advice
     )
     _, scan = pressed(ts.Solid.cylinder(3.0), 2.0)
     assert ts.fit_solid(scan, TIP, ts.Solid.plane(), NOISE).status == "doubtful"

@@ -19,6 +19,7 @@ from tacstrip.cli import cli
 from tacstrip.core.binding import exported
 from tacstrip.core.rigid import RigidScans, descend, loss
 from tacstrip.geometry.moments import moments
+from tacstrip.plot.tracks import track_figure
 from tacstrip.tracking.episodes import episodes, spanned
 from tacstrip.tracking.geojson import track_collection
 from tacstrip.tracking.rigid.corners import Fit, fitted, recounted, unstuck
@@ -395,6 +396,28 @@ def test_a_clock_that_stands_still_is_said() -> None:
     assert np.isnan(one.velocities).all()
 
 
+def test_a_turn_that_is_not_known_is_not_printed(tmp_path: Path) -> None:
+    """What grows is no rigid outline: its angles are those of none."""
+    sensor, noise = ten_strips(), ts.Noise(positional=0.002)
+    (tmp_path / "s.toml").write_text(sensor.to_toml())
+    grown = [(1.0 + 0.02 * i) * np.asarray(CORNERS) for i in range(20)]
+    scans = [
+        replace(pressed(sensor, c, pose[None], noise, i)[0], time_s=0.01 * i)
+        for i, (c, pose) in enumerate(zip(grown, sliding(20), strict=True))
+    ]
+    (one,) = ts.track(scans, sensor, noise)
+    assert (one.status, one.by_scan is None) == ("doubtful", False)
+    ts.write_readings(tmp_path / "r.csv", sensor, scans)
+    words = ["track", str(tmp_path / "s.toml"), str(tmp_path / "r.csv"), "--positional", "0.002"]
+    said = CliRunner().invoke(cli, words).stderr
+    assert "how far it turned is not known" in said
+    assert not re.search(r"turned -?\d", said)
+    figure = track_figure(sensor, [one])
+    names = [line.get_label() for axes in figure.axes for line in axes.lines]
+    assert f"{one.id}: y" in names
+    assert f"{one.id}: angle" not in names
+
+
 def test_the_verb_writes_tracks_and_a_picture(tmp_path: Path) -> None:
     sensor = ten_strips()
     (tmp_path / "s.toml").write_text(sensor.to_toml())
@@ -435,7 +458,9 @@ def test_the_verb_writes_tracks_and_a_picture(tmp_path: Path) -> None:
     assert "objects over time: object 1 in 20 scans" in again.output
     with pytest.raises(ts.OptionError, match="exists already"):
         CliRunner().invoke(cli, words, catch_exceptions=False)
-    with pytest.raises(ts.OptionError, match=r"t.npz: objects over time go into .* \.geojson or \.mcap"):
+    with pytest.raises(
+        ts.OptionError, match=r"t.npz: objects over time go into .* \.geojson, \.csv or \.mcap"
+    ):
         CliRunner().invoke(cli, [*words[:4], str(tmp_path / "t.npz")], catch_exceptions=False)
     with pytest.raises(ts.OptionError, match="does not say what sensor"):
         CliRunner().invoke(cli, ["track", files[1]], catch_exceptions=False)

@@ -27,6 +27,8 @@ from tacstrip.stream.source import RawScan, TrackedShape
 from tacstrip.tracking.geojson import track_records, write_tracks
 from tacstrip.tracking.track import Track, track
 
+_OPEN_DEG = 30.0  # standard deviation of a turn from which on it is not said
+
 
 @click.command()
 @options.sensor_and_input("[SENSOR] RECORDING")
@@ -152,8 +154,12 @@ def _way(one: Track, seen: npt.NDArray[np.int_]) -> str:
     text = (
         f"its centroid moved {net[0]:.3g} mm across and {net[1]:.3g} mm along the strips from first to last"
     )
-    text += f", turned {net[2]:.3g} deg"
-    if 0.0 < off < 180.0:
+    if one.by_scan is not None:
+        return f"{text}; how far it turned is not known"
+    if off > _OPEN_DEG:
+        return f"{text}; how far it turned is not known (+- {off:.2g} deg)"
+    text += f", {'perhaps ' if one.status == 'doubtful' else ''}turned {net[2]:.3g} deg"
+    if off > 0.0:
         text += f" +- {off:.2g}"
     more = most > np.abs(net) + 6.0 * np.nan_to_num(np.nanmedian(spread, axis=0)) + (0.1, 0.1, 0.1)
     if more.any():
@@ -170,9 +176,11 @@ def _line(one: Track) -> str:
     if one.joint:
         text += f", {len(one.joint)} of them on strips shared with others"
     if len(one.outline):
-        text += f", {len(one.outline)} corners, {one.area_mm2:.6g} mm2"
-        if np.isfinite(one.area_deviation_mm2):
-            text += f" +- {one.area_deviation_mm2:.2g}"
+        area, off = one.area_mm2, one.area_deviation_mm2
+        spread = f" +- {off:.2g}" if np.isfinite(off) else ""
+        text += f", {len(one.outline)} corners, " + (
+            "an area that is not known" if off > area else f"{area:.6g} mm2{spread}"
+        )
         text += f", {_way(one, seen)}"
     if one.motion != "free":
         text += f"; taken for {one.motion}"

@@ -96,6 +96,8 @@ def track_figure(sensor: Sensor, tracks: Sequence[Track]) -> Figure:
         shared[list(one.joint)] = True
         values = (*one.centroids.T, np.rad2deg(one.poses[:, 2]))
         for name, value, dashes in zip(("x", "y", "angle"), values, ("-", "--", ":"), strict=True):
+            if name == "angle" and one.by_scan is not None:
+                continue  # no rigid outline explains the scans: none that turned
             look: dict[str, Any] = {"color": colour, "linestyle": dashes, "marker": marker, "markersize": 3.0}
             pose.plot(time, value, markevery=max(len(time) // 8, 1), label=f"{one.id}: {name}", **look)
     for run in np.split(np.flatnonzero(shared), np.flatnonzero(np.diff(np.flatnonzero(shared)) > 1) + 1):

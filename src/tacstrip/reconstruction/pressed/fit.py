@@ -19,6 +19,7 @@ from tacstrip.contact.noise import Noise
 from tacstrip.contact.press.patch import Patch, patch_at, patch_load
 from tacstrip.contact.press.solid import Solid
 from tacstrip.errors import ContactError, OptionError
+from tacstrip.reconstruction.noise_covariance import Averaging, averaging_advice, signature_advice
 from tacstrip.reconstruction.polygon.goodness_of_fit import chi_square_score
 from tacstrip.reconstruction.pressed.descent import descents, refined
 from tacstrip.reconstruction.pressed.draws import Draws, draw
@@ -141,10 +142,9 @@ class SolidFit:
     def __repr__(self) -> str:
         if self.solid is None:
             return f"<SolidFit: {self.status}>"
-        return (
-            f"<SolidFit: {self.status}, {self.solid.kind}, {self.area_mm2:.4g} +- {self.area_sigma_mm2:.2g} mm2, "
-            f"{self.force_n:.4g} N>"
-        )
+        force = "force not told" if math.isnan(self.force_n) else f"{self.force_n:.4g} N"
+        area = f"{self.area_mm2:.4g} +- {self.area_sigma_mm2:.2g} mm2"
+        return f"<SolidFit: {self.status}, {self.solid.kind}, {area}, {force}>"
 
 
 @takes(scan=Scan, sensor=Sensor, solid=Solid, noise=Noise)
@@ -216,7 +216,8 @@ def fit_solid(
     cost = float(np.square(poses.residuals(mean[None])).sum())
     values = mean if cost - costs[0] <= _MEAN * len(mean) * scale else ends[0]
     scatter = _Scatter.of(poses, values, draws.even(_LOADS, random))
-    return _result(poses, values, (ends, costs), draws, scatter, scale, known_size, scan.time_s)
+    averaging = averaging_advice(poses.noise, sensor, Averaging.of(scan))
+    return _result(poses, values, (ends, costs), draws, scatter, scale, known_size, scan.time_s, averaging)
 
 
 def noise_scale(squares: float, freedom: int, unknown: bool) -> float:
@@ -300,23 +301,33 @@ def _about(values: FloatArray) -> tuple[float, float, tuple[float, float]]:
 
 def _result(
     poses: Poses, values: FloatArray, descended: tuple[FloatArray, FloatArray], draws: Draws, scatter: _Scatter,
-    scale: float, known_size: bool, time_s: float,
+    scale: float, known_size: bool, time_s: float, averaging: str,
 ) -> SolidFit:  # fmt: skip
     """Put together what was found, and judge it."""
     (solid,), kind = poses.solids(values[None]), poses.solid.kind
     (area, area_sigma, of_area), (force, force_sigma, of_force) = _about(scatter.area), _about(scatter.force)
     intervals = {"area_mm2": of_area} | scatter.intervals
     radius = radius_sigma = math.nan
-    notes, doubtful, open_ = [], False, False
+    notes, doubtful = [], False
+    loose = {  # what readings leave open
+        "radius": False, "area": not area_sigma <= _AREA * area, "direction": not scatter.direction <= _DIRECTION,
+        "axis": scatter.axis > _AXIS,
+    }  # fmt: skip
     if kind in _ROUND:
         radius, radius_sigma, of_radius = _about(scatter.radius)
         alike = kind == "sphere" and cap(poses.skin) and not known_size
-        open_ = not alike and not radius_sigma <= _RADIUS * radius
+        loose["radius"] = not alike and not radius_sigma <= _RADIUS * radius
         if alike or radius_sigma > _UNTOLD * radius:
-            why = "every patch of a sphere on this skin is alike" if alike else "it is open"
+            low, high = of_radius
+            hold = "" if loose["area"] or loose["direction"] else "area and direction hold; "
+            why = (
+                "every patch of a sphere on this skin is alike"
+                if alike
+                else f"95 % from {low:.2g} to {high:.2g} mm"
+            )
             notes.append(
-                f"the radius, the depth and the force cannot be told from this contact ({why}): area and direction "
-                "hold; give a known radius with known_size=True"
+                f"the radius, the depth and the force cannot be told from this contact ({why}): {hold}give a known "
+                "radius with known_size=True"
             )
             radius = radius_sigma = force = force_sigma = math.nan
         else:
@@ -352,19 +363,21 @@ def _result(
         )
     if poses.readings <= len(values):
         doubtful = True
+        finer = signature_advice(poses.sensor) if len(poses.k) == 1 else "use finer strips"
         notes.append(
-            f"no more readings than unknowns: nothing tells whether it is of the kind given, {kind}; press across more "
-            "strips"
+            f"{poses.readings} readings for {len(values)} unknowns: nothing tells whether it is of the kind given, "
+            f"{kind}, and averaging changes nothing in that; press across more strips, or {finer}"
         )
     bent = held.bend > _STRAIGHT or (kind == "plane" and cap(poses.skin))
     if math.isfinite(force) and kind in _BENT and bent:
         notes.append(_BENT[kind])
     if poses.noise is None and poses.readings - len(values) < 3:
         notes.append(f"the noise is taken for {100 * GUESS:g} % of Vref; give it")
-    open_ |= not area_sigma <= _AREA * area or not scatter.direction <= _DIRECTION or scatter.axis > _AXIS
-    if patch is None or draws.effective < _FEW_DRAWS or open_:
+    if patch is None or draws.effective < _FEW_DRAWS or any(loose.values()):
         doubtful = True
-        notes.append("few strips tell of it: its pose is open; press harder, or across more strips")
+        what = " and its ".join(name for name, is_so in loose.items() if is_so) or "pose"
+        still = "" if poses.readings <= len(values) else f"hold it still and {averaging}, or "
+        notes.append(f"the readings leave its {what} open: {still}press harder, or across more strips")
     near = ends[(costs - costs[0] < _RIVAL * scale) & (scatter.elsewhere > _LIKELY)]
     others = _alternatives(poses, values, near, area)
     if others:
