@@ -152,20 +152,10 @@ def test_the_short_answers_run_one_after_the_other(tmp_path: Path, monkeypatch: 
 
 
 def test_the_answers_on_planning_run_one_after_the_other(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     names = _run_page("start/how-do-i-plan.md", tmp_path)
-    said = capsys.readouterr().out
-    rms = {
-        float(pitch): float(mm)
-        for pitch, mm in re.findall(r"^([\d.]+) mm: ([\d.]+) mm RMS", said, re.MULTILINE)
-    }
-    assert rms[5.0] < rms[7.0]
-    shares = {
-        float(p): int(n) for p, n in re.findall(r"^([\d.]+) mm, .*: (\d+)% within 8 %", said, re.MULTILINE)
-    }
-    assert shares[10.0] < 90 < shares[7.5]
     assert (names["solid"].status, names["ball"].status) == ("ok", "ok")
     for fit, radius in ((names["solid"], 6.0), (names["ball"], 8.0)):
         assert abs(fit.radius_mm - radius) < 3.0 * fit.radius_sigma_mm

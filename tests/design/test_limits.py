@@ -14,10 +14,13 @@ import pytest
 import tacstrip as ts
 from tacstrip.dataset.measures import Case
 from tacstrip.dataset.sweep import changed
+from tacstrip.design.area import area_limit, circle
 from tacstrip.design.candidates import candidates, designs, requirements_unmet
+from tacstrip.design.check import check
 from tacstrip.design.layers import layer_limits
 from tacstrip.design.limits import limit_map, limits, outline_of
 from tacstrip.errors import ContactError, OptionError, SpecError
+from tacstrip.geometry.moments import moment_jacobian, moments
 from tacstrip.geometry.outline import Outline
 from tacstrip.plot.bounds import limits_figure
 from tacstrip.reconstruction.cramer_rao import vertex_covariance, vertex_rms
@@ -194,7 +197,9 @@ def test_the_verb_writes_numbers_and_a_picture(folder: Path) -> None:
     assert len(record["designs"]) == 2 * 2 * 5
     assert "designs reach 2 mm" in done.stdout
     reach = [d for d in record["designs"] if d["error_mm"] is not None and d["error_mm"] <= 2.0]
-    assert f"The coarsest that does: pitch {max(d['pitch_mm'] for d in reach):g} mm" in done.stdout
+    assert (
+        f"The coarsest that does, by the bound: pitch {max(d['pitch_mm'] for d in reach):g} mm" in done.stdout
+    )
     assert (folder / "p.png").read_bytes()[:4] == b"\x89PNG"
 
 
@@ -262,3 +267,78 @@ def test_designs_have_a_converter_of_their_own() -> None:
     )
     (made,) = candidates(sensor, ["crs-crs"], [10.0], [100.0])
     assert made.converter is None
+
+
+def test_a_circle_is_judged_by_its_area(folder: Path) -> None:
+    """Its corners are not sought; the bound of its area is about what fits reach."""
+    sensor = ts.Sensor(construction="crs-crs", strips=16, pitch_mm=5.0, length_mm=90.0)
+    sensor.save(folder / "disc.toml")
+    words = ("limits", "disc.toml", "circle:15", "--positional", 0.01)
+    done = run(folder, *words, "--area-error", "8%", "--construction", "crs-crs", "--length", 90, "--try-bits", 12,
+               "--pitch", 5, "--pitch", 12, "--check", 4)  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "By the bound 1 of 2 designs reach 8 % of the area" in done.stdout
+    assert "The coarsest that does, by the bound: pitch 5 mm" in done.stdout
+    assert "Nine fits of ten are within what is wanted on pitch 5 mm" in done.stdout
+    assert "Bounds: a fit misses them" in done.stdout
+    checked = check(sensor, circle(15.0), ts.Noise(positional=0.01), 8)
+    assert checked.ok.all()
+    (bound,) = [d.area_percent for d in designs([sensor], circle(15.0), ts.Noise(positional=0.01), None, [12],
+                                                area_percent=8.0)]  # fmt: skip
+    assert 0.3 * bound < np.sqrt(np.mean(checked.area_percent**2)) < 2.0 * bound
+    assert np.isnan(checked.rms_mm).all()
+    for more, sentence in (
+        (("--wanted-mm", 1), "--wanted-mm is of corners, and this outline is round"),
+        (("--area-error", "much"), "--area-error much: give a number of % above 0"),
+    ):
+        wrong = run(folder, *words, *more)
+        assert wrong.returncode == 2
+        assert sentence in wrong.stderr
+    assert (
+        "give the radius in mm"
+        in run(folder, "limits", "disc.toml", "circle:big", "--positional", 0.01).stderr
+    )
+
+
+def test_the_area_of_a_polygon_is_that_of_its_corners() -> None:
+    (*_, both) = limits(a_sensor(), OUTLINE, NOISE)
+    relative = area_limit(a_sensor(), OUTLINE, NOISE, both)
+    whole, slopes = moments(OUTLINE.vertices)[0], moment_jacobian(OUTLINE.vertices)[0]
+    assert relative == pytest.approx(np.sqrt(slopes @ both.covariance @ slopes) / whole)
+    (found,) = designs([a_sensor()], OUTLINE, NOISE, None, bits=[16], area_percent=50.0)
+    assert 0.3 < found.area_percent / (100.0 * relative) < 3.0
+    with pytest.raises(ts.OptionError, match="no error is wanted"):
+        designs([a_sensor()], OUTLINE, NOISE, None)
+
+
+def test_fits_are_checked_beside_the_bound(folder: Path) -> None:
+    """The same scans as a user's own: errors are those of the fits, not of the bound."""
+    sensor = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=5.0, length_mm=100.0)
+    outline, noise = ts.Outline.of([(22, 18), (70, 34), (62, 72), (30, 66)]), ts.Noise(positional=0.005)
+    found = check(sensor, outline, noise, 6)
+    assert (found.rms_mm > 0.3 * found.bound_mm).all()
+    assert np.median(found.rms_mm) < 3.0 * np.median(found.bound_mm)
+    sensor.save(folder / "five.toml")
+    (folder / "four.wkt").write_text("POLYGON ((22 18, 70 34, 62 72, 30 66, 22 18))")
+    done = run(folder, "limits", "five.toml", "four.wkt", "--positional", 0.005, "--grid", 2, "--check", 6)
+    assert done.returncode == 0, done.stderr
+    last = done.stdout.splitlines()[-1].split()
+    rms = [np.sqrt(np.mean(np.square(v))) for v in (found.bound_mm, found.rms_mm)]
+    assert [float(v) for v in last[3:5]] == pytest.approx(rms, rel=0.01)
+    assert last[-1] == f"{100 * found.ok.mean():.0f}%"
+
+
+def test_why_no_pitch_does_is_named(folder: Path) -> None:
+    """Twelve corners against strips that leave edges without two of them; not a matter of noise or length."""
+    ring = [(40 + 15 * np.cos(t), 45 + 15 * np.sin(t) * (1.0 if i % 2 else 0.6)) for i, t in
+            enumerate(2.0 * np.pi * np.arange(12) / 12)]  # fmt: skip
+    text = ", ".join(f"{x} {y}" for x, y in (*ring, ring[0]))
+    (folder / "star.wkt").write_text(f"POLYGON (({text}))")
+    done = run(folder, "limits", "s.toml", "star.wkt", "--positional", 0.01, "--grid", 2, "--wanted-mm", 2,
+               "--pitch", 10, "--pitch", 8, "--construction", "crs-crs", "--length", 100, "--try-bits", 12)  # fmt: skip
+    assert done.returncode == 1
+    assert (
+        "No noise is small enough: the 12 corners are known where each edge crosses two strips" in done.stdout
+    )
+    assert "a pitch of 1 mm or less does" in done.stdout
+    assert "Try a longer" not in done.stdout

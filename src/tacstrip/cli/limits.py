@@ -11,15 +11,19 @@ from typing import Any
 
 import click
 import numpy as np
+from rich.console import Console
+from rich.progress import Progress
 
-from tacstrip.arrays import plain
+from tacstrip.arrays import FloatArray, plain
 from tacstrip.cli import load_layers, options, protect, warn
 from tacstrip.contact.noise import Noise
 from tacstrip.contact.shape import Contact
+from tacstrip.design.area import area_limit, circle, is_round
 from tacstrip.design.candidates import BITS, CONVERSION_S, FARAD, Design, candidates, designs
+from tacstrip.design.check import check
 from tacstrip.design.layers import layer_limits, outlines_of
 from tacstrip.design.limits import ErrorMap, Limit, limit_map, limits, outline_of
-from tacstrip.errors import OptionError
+from tacstrip.errors import OptionError, is_number
 from tacstrip.files import write_text
 from tacstrip.geometry.outline import Outline
 from tacstrip.io.geojson import read_contact
@@ -30,10 +34,25 @@ from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.rigid.covariance import joint_bound
 
 _MOST_LINES = 20
+_MOST_FITS = 0.9  # of them within what is wanted
+_CHECKED = 6  # designs at most, from the coarsest on, until one does
+_CIRCLE = "circle:"
+_BOUND = (
+    "Bounds: a fit misses them by some part, often a fifth; --check 40 simulates 40 placements and fits them"
+)
 _NO_NOISE = (
     "without errors of the readings there is no limit: give what they are, such as --positional 0.005, "
     "--quantisation 0.001 or --bits 12, or a [noise] table in the spec (`tacstrip noise`)"
 )
+
+
+def _percent(_: click.Context, parameter: click.Parameter, text: str | None) -> float | None:
+    """Return a share in %, written with its sign or without."""
+    if text is None:
+        return None
+    if not is_number(number := text.removesuffix("%").strip()) or not 0.0 < float(number) < math.inf:
+        raise OptionError(f"{parameter.opts[0]} {text}: give a number of % above 0, such as 8%")
+    return float(number)
 
 
 @click.command()
@@ -52,6 +71,10 @@ _NO_NOISE = (
 @options.number("--slide", default=0.0, metavar="MM", help="With --scans: its way across the strips.")
 @options.number("--rotate", default=0.0, metavar="DEG", help="With --scans: how far it turns on the way.")
 @options.number("--wanted-mm", help="Look for designs that reach this RMS vertex error.")
+@options.option("--area-error", "area_percent", metavar="PERCENT", callback=_percent,
+                help="Look for designs that reach this standard error of the area, such as 8%.")  # fmt: skip
+@options.option("--check", "placements", type=options.WholeRange(1), metavar="N",
+                help="Simulate and fit N placements: on SENSOR, or on designs from the coarsest on.")  # fmt: skip
 @options.option("--construction", multiple=True,
                 help="Design: try this one; repeat. Default: all flat, or all round.")  # fmt: skip
 @options.number("--pitch", multiple=True, metavar="MM", help="Design: try this pitch; repeat.")
@@ -74,45 +97,64 @@ def command(
     slide: float,
     rotate: float,
     wanted_mm: float | None,
+    area_percent: float | None,
+    placements: int | None,
     **design: Any,
 ) -> None:
-    """Say how well SENSOR (a spec file or a shipped spec) can locate the corners of CONTACT (.wkt or .geojson, mm).
+    """Say how well SENSOR (a spec file or a shipped spec) can locate the corners of CONTACT, and tell its area.
 
-    The Cramer-Rao bound: no unbiased method does better with normal noise of this variance. With --wanted-mm also
-    which designs reach an error, and which of Harmon's requirements (table 2.1) they fail; exit code 1: none does.
+    CONTACT is a .wkt or .geojson file [mm], or circle:RADIUS. The Cramer-Rao bound: no unbiased method does better with
+    normal noise of this variance, and a fit misses it by some part; --check says by how much. With --wanted-mm or
+    --area-error also which designs reach an error, and which of Harmon's requirements (table 2.1) they fail; exit code
+    1: none does.
 
     Example: tacstrip limits simulated-crs-crs object.wkt --at 500 400 --positional 0.005 --plot limits.png
     """
     protect(plot, sensor, contact)
     protect(output, sensor, contact, plot)
     options.belong(scans is not None, "is for many scans: give --scans as well", "slide", "rotate")
-    options.belong(wanted_mm is not None, "is for designs: give --wanted-mm as well", *design)
+    sought = wanted_mm is not None or area_percent is not None
+    options.belong(sought, "is for designs: give --wanted-mm or --area-error as well", *design)
     spec = load_layers(sensor, without)
     if isinstance(spec, LayeredSensor):
         why = "is for a sensor of one layer; two are compared with each alone"
-        options.belong(False, why, "grid", "plot", "output", "scans", "wanted_mm")
-        _of_layers(spec if bits is None else spec.changed(adc_bits=bits), _placed(contact, at, turn), noise)
+        options.belong(
+            False, why, "grid", "plot", "output", "scans", "wanted_mm", "area_percent", "placements"
+        )
+        layered = spec if bits is None else spec.changed(adc_bits=bits)
+        _of_layers(layered, _placed(contact, at, turn, layered.unit), noise)
         return
     spec = spec if bits is None else replace(spec, adc_bits=bits)
     if spec.noise is not None and not options.given("quantisation", "positional"):
         noise = spec.noise
     elif reading_sigma(noise, spec) == 0.0:
         raise OptionError(_NO_NOISE)
-    shape = _placed(contact, at, turn)
+    shape = _placed(contact, at, turn, spec)
     warn(unlikely_contact(shape, spec))
     outline = outline_of(spec, shape)
     found = limits(spec, outline, noise)
-    _show_limits(outline, found)
+    round_ = is_round(outline)
+    options.belong(
+        not round_, "is of corners, and this outline is round", "grid", "plot", "scans", "wanted_mm"
+    )
+    if not round_:
+        _show_limits(spec, outline, found)
+    _show_area(spec, outline, noise, found, round_)
     if scans is not None:
         _show_joint(spec, outline, scans, slide, math.radians(rotate), reading_sigma(noise, spec))
-    over = limit_map(spec, outline, noise, grid, grid)
-    _show_map(over)
+    over = None if round_ else limit_map(spec, outline, noise, grid, grid)
+    if over is not None:
+        _show_map(over)
+    click.echo(_BOUND)
     judged = None
-    if wanted_mm is not None:
+    if sought:
         sensors = list(candidates(spec, design["construction"] or None, design["pitch"], design["length"]))
         farad, conversion_s = design["picofarad"] * 1e-12, design["conversion_us"] * 1e-6
-        judged = designs(sensors, outline, noise, wanted_mm, design["try_bits"] or BITS, farad, conversion_s)
-    if plot is not None:
+        tried_bits = design["try_bits"] or BITS
+        judged = designs(
+            sensors, outline, noise, wanted_mm, tried_bits, farad, conversion_s, area_percent=area_percent
+        )
+    if plot is not None and over is not None:
         from tacstrip.plot.bounds import limits_figure
         from tacstrip.plot.theme import save
 
@@ -120,16 +162,28 @@ def command(
     if output is not None:
         write_text(output, json.dumps(_record(outline, found, over, judged), indent=1))
         click.echo(f"{output}: numbers")
-    if judged is not None and wanted_mm is not None:
-        reached = [d for d in judged if d.noise > 0.0 and d.error_mm <= wanted_mm]
-        _show_designs(
-            reached, [d for d in judged if d.noise > 0.0 and d not in reached], len(judged), wanted_mm
-        )
-        if not reached:
-            sys.exit(1)
+    reached: list[Design] = []
+    if judged is not None:
+        mm, percent = (math.inf if v is None else v for v in (wanted_mm, area_percent))
+        reached = [d for d in judged if d.noise > 0.0 and d.error_mm <= mm and d.area_percent <= percent]
+        others = [d for d in judged if d.noise > 0.0 and d not in reached]
+        errors = ((wanted_mm, "mm RMS"), (area_percent, "% of the area"))
+        wanted = " and ".join(f"{value:.6g} {unit}" for value, unit in errors if value is not None)
+        _show_designs(reached, others, judged, wanted, outline)
+    if placements is not None and (reached or not sought):
+        _show_check(_coarsest(reached) or [spec], outline, noise, placements, (wanted_mm, area_percent))
+    if sought and not reached:
+        sys.exit(1)
 
 
-def _placed(contact: Path, at: tuple[float, float] | None, turn: float) -> Contact:
+def _placed(contact: Path, at: tuple[float, float] | None, turn: float, sensor: Sensor) -> Contact:
+    """Return the contact where it lies; a circle in the middle where no place is given."""
+    name = str(contact)
+    if name.startswith(_CIRCLE):
+        if not is_number(radius := name.removeprefix(_CIRCLE)) or not 0.0 < float(radius) < math.inf:
+            raise OptionError(f"{name}: give the radius in mm, such as circle:15")
+        shape = Contact.polygon(circle(float(radius)).vertices)
+        return shape.placed(*(at or (0.5 * sensor.width_mm, 0.5 * sensor.length_mm)))
     shape = read_contact(contact)
     return (shape.placed(*at) if at else shape).turned(math.radians(turn))
 
@@ -156,7 +210,87 @@ def _of_layers(sensor: LayeredSensor, contact: Contact, noise: Noise) -> None:
     click.echo(f"Of {row} corners are determined by {told}; inf: hidden by other objects, or too few strips")
 
 
-def _show_limits(outline: Outline, found: list[Limit]) -> None:
+def _show_area(sensor: Sensor, outline: Outline, noise: Noise, found: list[Limit], round_: bool) -> None:
+    values = [100.0 * area_limit(sensor, outline, noise, limit) for limit in found]
+    if round_:
+        names = ", ".join("+".join(limit.signatures) for limit in found)
+        click.echo(
+            f"Round: it turns by 45 deg or less at each corner, so corners are not sought; area from {names}"
+        )
+    click.echo(
+        "Area, std. error [%]"
+        + "".join(f"{value:>{19 if not i else 20}.3g}" for i, value in enumerate(values))
+    )
+
+
+def _coarsest(reached: list[Design]) -> list[Sensor]:
+    """Return the coarsest sensors among designs, each pitch, length and construction once, the coarsest first."""
+    alike: dict[tuple[str, float, float], Sensor] = {}
+    for d in sorted(reached, key=lambda d: (-d.sensor.pitch_mm, d.sensor.strips, -(d.sensor.adc_bits or 0))):
+        alike.setdefault((d.sensor.construction, d.sensor.pitch_mm, d.sensor.length_mm), d.sensor)
+    return list(alike.values())[:_CHECKED]
+
+
+def _show_check(
+    sensors: list[Sensor], outline: Outline, noise: Noise, placements: int,
+    wanted: tuple[float | None, float | None],
+) -> None:  # fmt: skip
+    """Print what fits of simulated scans reach beside the bound."""
+    round_ = is_round(outline)
+    told = "as a round object" if round_ else f"{len(outline.vertices)} corners told"
+    click.echo(
+        f"What fits reach: {placements} random places each, simulated with the noise that you gave, {told}; median, "
+        "and what nine of ten reach; inf: no outline, or another number of corners"
+    )
+    heads = "" if round_ else f"{'bound RMS':>11}{'fit RMS':>9}{'median':>8}{'9 of 10':>9}"
+    click.echo(f"{'construction':<13}{'pitch':>7}{'length':>8}{heads}{'area %':>9}{'9 of 10':>9}{'ok':>6}")
+    with Progress(transient=True, console=Console(stderr=True)) as bar:
+        task = bar.add_task("placements", total=placements * len(sensors))
+        lines, reached = [], []
+        for sensor in sensors:
+            found = check(sensor, outline, noise, placements, progress=lambda: bar.advance(task))
+            line = f"{sensor.construction:<13}{sensor.pitch_mm:>7.4g}{sensor.length_mm:>8.4g}"
+            if not round_:
+                bound, fit = (float(np.sqrt(np.mean(np.square(v)))) for v in (found.bound_mm, found.rms_mm))
+                line += f"{bound:>11.3g}{fit:>9.3g}" + _middle_and_most(found.rms_mm, 8)
+            lines.append(line + _middle_and_most(found.area_percent, 9) + f"{100.0 * found.ok.mean():>5.0f}%")
+            within = np.ones(placements, dtype=bool)
+            for errors, most in zip((found.rms_mm, found.area_percent), wanted, strict=True):
+                within &= True if most is None else errors <= most
+            if wanted != (None, None) and within.mean() >= _MOST_FITS:
+                reached.append(sensor)
+                break
+    click.echo("\n".join(lines))
+    if wanted != (None, None):
+        first = reached[0] if reached else None
+        click.echo(
+            "On none of these are nine fits of ten within what is wanted: try finer pitches"
+            if first is None
+            else f"Nine fits of ten are within what is wanted on pitch {first.pitch_mm:.4g} mm, {first.construction}"
+        )
+
+
+def _middle_and_most(errors: FloatArray, width: int) -> str:
+    """Give the median of errors, and what nine of ten reach."""
+    ordered = np.sort(errors)  # some may be inf
+    most = ordered[math.ceil(0.9 * len(ordered)) - 1]
+    return f"{ordered[len(ordered) // 2]:>{width}.3g}{most:>9.3g}"
+
+
+def _why_open(outline: Outline, pitch_mm: float) -> str:
+    """Say why readings of all signatures do not determine an outline, and which pitch does."""
+    across = np.abs(np.diff(outline.vertices[:, 0], append=outline.vertices[0, 0]))
+    shortest = float(across[across > 1e-6 * across.max()].min())
+    if pitch_mm <= 0.5 * shortest:
+        return "the strips in contact do not determine it; a finer pitch or a wider contact would"
+    return (
+        f"the {len(outline.vertices)} corners are known where each edge crosses two strips, and the shortest spans "
+        f"{shortest:.3g} mm across them: a pitch of {0.5 * shortest:.2g} mm or less does; for the area of a round "
+        "object give circle:RADIUS, or corners that turn by 45 deg at most"
+    )
+
+
+def _show_limits(sensor: Sensor, outline: Outline, found: list[Limit]) -> None:
     names = ["+".join(limit.signatures) for limit in found]
     click.echo("Least standard errors of x and y of each vertex [mm], from " + ", ".join(names))
     click.echo("      vertex       " + "".join(f"{name:>20}" for name in names))
@@ -166,7 +300,9 @@ def _show_limits(outline: Outline, found: list[Limit]) -> None:
         click.echo(f"{x:9.6g} {y:9.6g}" + "".join(f"{a:>11.3g}{b:>9.3g}" for a, b in pairs))
     click.echo("RMS over vertices  " + "".join(f"{limit.rms:>20.3g}" for limit in found))
     if not all(math.isfinite(limit.rms) for limit in found):
-        click.echo("inf: the strips in contact do not determine it; a finer pitch or a wider contact would")
+        alone = math.isfinite(found[-1].rms)
+        why = "one signature alone does not determine it" if alone else _why_open(outline, sensor.pitch_mm)
+        click.echo(f"inf: {why}")
 
 
 def _show_joint(
@@ -188,13 +324,23 @@ def _show_map(over: ErrorMap) -> None:
     )
 
 
-def _show_designs(reached: list[Design], others: list[Design], tried: int, wanted_mm: float) -> None:
+def _show_designs(
+    reached: list[Design], others: list[Design], judged: list[Design], wanted: str, outline: Outline
+) -> None:
     """Print the designs that reach the wanted error with the noise that was given, or those that do with less."""
     click.echo(
-        f"{len(reached)} of {tried} designs reach {wanted_mm:.6g} mm RMS at nine places of ten with the noise that you "
-        "gave"
+        f"By the bound {len(reached)} of {len(judged)} designs reach {wanted} at nine places of ten with the noise "
+        "that you gave"
     )
-    if not reached:
+    if (
+        not reached
+        and judged
+        and not any(math.isfinite(d.error_mm) for d in judged)
+        and not is_round(outline)
+    ):
+        finest = min(d.sensor.pitch_mm for d in judged)
+        click.echo(f"No noise is small enough: {_why_open(outline, finest)}")
+    elif not reached:
         click.echo("Try a longer --length list, finer --pitch, more --try-bits, or a larger error")
     if others:
         click.echo(f"{len(others)} more reach it with less noise{'' if reached else ', in `noise %`'}")
@@ -203,21 +349,23 @@ def _show_designs(reached: list[Design], others: list[Design], tried: int, wante
     if reached:
         best = max(reached, key=lambda d: (d.sensor.pitch_mm, -d.sensor.strips, d.noise)).sensor
         click.echo(
-            f"The coarsest that does: pitch {best.pitch_mm:.4g} mm, {best.strips} strips {best.length_mm:.4g} mm long, "
-            f"{best.construction}, {best.adc_bits} bits"
+            f"The coarsest that does, by the bound: pitch {best.pitch_mm:.4g} mm, {best.strips} strips "
+            f"{best.length_mm:.4g} mm long, {best.construction}, {best.adc_bits} bits"
         )
     reached = reached or others
     click.echo(
-        "`error`: with the noise that you gave; `noise %`: the largest that still reaches it (half-width, % of Vref)"
+        "`error` [mm RMS], `area %`: bounds with the noise that you gave; `noise %`: the largest that still reaches "
+        "what is wanted (half-width, % of Vref)"
     )
     click.echo(
-        f"{'construction':<13}{'strips':>7}{'pitch':>8}{'length':>8}{'bits':>5}{'error':>9}{'noise %':>9}  fails"
+        f"{'construction':<13}{'strips':>7}{'pitch':>8}{'length':>8}{'bits':>5}{'error':>9}{'area %':>8}{'noise %':>9}"
+        "  fails"
     )
     for d in reached[:_MOST_LINES]:
         s = d.sensor
         click.echo(
             f"{s.construction:<13}{s.strips:>7}{s.pitch_mm:>8.4g}{s.length_mm:>8.4g}{s.adc_bits:>5}"
-            f"{d.error_mm:>9.3g}{100.0 * d.noise:>9.3g}  {', '.join(d.unmet) or 'none'}"
+            f"{d.error_mm:>9.3g}{d.area_percent:>8.3g}{100.0 * d.noise:>9.3g}  {', '.join(d.unmet) or 'none'}"
         )
     if len(reached) > _MOST_LINES:
         click.echo(f"... and {len(reached) - _MOST_LINES} more; -o writes all of them")
@@ -227,7 +375,7 @@ def _show_designs(reached: list[Design], others: list[Design], tried: int, wante
 
 
 def _record(
-    outline: Outline, found: list[Limit], over: ErrorMap, judged: list[Design] | None
+    outline: Outline, found: list[Limit], over: ErrorMap | None, judged: list[Design] | None
 ) -> dict[str, Any]:
     """Return what goes into the file; null stands for what the readings do not determine."""
     record: dict[str, Any] = {
@@ -241,13 +389,19 @@ def _record(
             }
             for limit in found
         ],
-        "map": {"x_mm": over.x_mm.tolist(), "y_mm": over.y_mm.tolist(), "rms_mm": plain(over.rms_mm)},
     }
+    if over is not None:
+        record["map"] = {"x_mm": over.x_mm.tolist(), "y_mm": over.y_mm.tolist(), "rms_mm": plain(over.rms_mm)}
     if judged is not None:
         keys = ("construction", "strips", "pitch_mm", "length_mm", "adc_bits")
         record["designs"] = [
             {key: getattr(d.sensor, key) for key in keys}
-            | {"error_mm": plain(d.error_mm), "largest_noise": d.noise, "unmet": d.unmet}
+            | {
+                "error_mm": plain(d.error_mm),
+                "area_percent": plain(d.area_percent),
+                "largest_noise": d.noise,
+                "unmet": d.unmet,
+            }
             for d in judged
         ]
     return record

@@ -1,4 +1,4 @@
-"""Which designs reach a wanted vertex error, and which of Harmon's requirements they fail.
+"""Which designs reach a wanted error of corners or of the area, and which of Harmon's requirements they fail.
 
 A design is a construction, a pitch, a length and a converter. Over a grid of places of the contact the Cramer-Rao
 bound gives the largest noise that still reaches the wanted error at nine places of ten.
@@ -15,6 +15,7 @@ import numpy as np
 from tacstrip.contact.noise import Noise
 from tacstrip.core.vertex_covariance import covariance_with_x_priors
 from tacstrip.data.published import published
+from tacstrip.design.area import area_bound, is_round
 from tacstrip.design.limits import places
 from tacstrip.errors import OptionError
 from tacstrip.geometry.outline import Outline
@@ -48,6 +49,8 @@ class Design:
     error_mm
         RMS vertex error with the given noise, reached at nine places of ten [mm]; inf where the readings do not
         determine the vertices.
+    area_percent
+        Standard error of the area in %, likewise (`design.area`).
     noise
         Largest half-width of a reading's error [Vref] that reaches the wanted error; 0 where none does.
     unmet
@@ -56,6 +59,7 @@ class Design:
 
     sensor: Sensor
     error_mm: float
+    area_percent: float
     noise: float
     unmet: tuple[str, ...]
 
@@ -101,10 +105,12 @@ def designs(
     sensors: Iterable[Sensor],
     outline: Outline,
     noise: Noise,
-    wanted_mm: float,
+    wanted_mm: float | None,
     bits: Sequence[int] = BITS,
     farad: float = FARAD,
     conversion_s: float = CONVERSION_S,
+    *,
+    area_percent: float | None = None,
 ) -> list[Design]:
     """Judge every sensor with every converter.
 
@@ -121,35 +127,49 @@ def designs(
     noise
         What is expected on a reading.
     wanted_mm
-        The RMS vertex error that is wanted [mm].
+        The RMS vertex error that is wanted [mm]; None: any, where `area_percent` is wanted.
     bits
         Converters to try.
     farad, conversion_s
         Input capacitance [F] and conversion time [s], for the sampling frequency.
+    area_percent
+        The standard error of the area that is wanted, in % of it; None: any.
 
     Raises
     ------
     OptionError
-        The wanted error is not a finite number above 0.
+        The wanted error is not a finite number above 0, or none is.
     """
-    if not 0.0 < wanted_mm < math.inf:
-        raise OptionError(f"wanted error {wanted_mm} mm: must be a finite number above 0")
+    wanted = (
+        math.inf if wanted_mm is None else wanted_mm,
+        math.inf if area_percent is None else area_percent,
+    )
+    for value, unit in zip((wanted_mm, area_percent), ("mm", "% of the area"), strict=True):
+        if value is not None and not 0.0 < value < math.inf:
+            raise OptionError(f"wanted error {value} {unit}: must be a finite number above 0")
+    if wanted == (math.inf, math.inf):
+        raise OptionError("no error is wanted: give wanted_mm or area_percent")
     found = []
     size = np.ptp(outline.vertices, axis=0)
     for sensor in sensors:
         if size[0] > sensor.width_mm or size[1] > sensor.length_mm:
             continue
         bounds = _BoundsOverSensor(sensor, outline)
-        largest = bounds.largest_sigma(wanted_mm)
+        largest = bounds.largest_sigma(wanted)
         for resolution in bits:
             design = replace(sensor, adc_bits=resolution)
             steps = reading_sigma(Noise(), design)
             room = math.sqrt(3.0 * max(largest**2 - steps**2, 0.0))
             given = math.sqrt(3.0) * reading_sigma(noise, replace(sensor, adc_bits=None))
-            error = bounds.error(math.hypot(given / math.sqrt(3.0), steps))
+            errors = bounds.errors(math.hypot(given / math.sqrt(3.0), steps))
             unmet = requirements_unmet(design, min(given, room), farad, conversion_s)
-            found.append(Design(design, error, room, unmet))
-    return sorted(found, key=lambda d: (d.noise == 0.0, d.error_mm > wanted_mm, len(d.unmet), -d.noise))
+            found.append(Design(design, *errors, room, unmet))
+    met = [d.error_mm <= wanted[0] and d.area_percent <= wanted[1] for d in found]
+    order = sorted(
+        zip(met, found, strict=True),
+        key=lambda m: (m[1].noise == 0.0, not m[0], len(m[1].unmet), -m[1].noise),
+    )
+    return [d for _, d in order]
 
 
 def requirements_unmet(
@@ -187,23 +207,38 @@ class _BoundsOverSensor:
     """Cramer-Rao bounds of an outline at all its places on a sensor, for any noise."""
 
     def __init__(self, sensor: Sensor, outline: Outline) -> None:
-        across, along = places(sensor, outline, _COLUMNS, _ROWS)
-        self.sensor = sensor
+        self.sensor, self.round = sensor, is_round(outline)
+        # How a round object lies to the strips tells most of how well it is known; at an edge a strip just touches it.
+        grid = (2 * _ROWS + 1, _COLUMNS) if self.round else (_COLUMNS, _ROWS)
+        across, along = places(sensor, outline, *grid)
+        across = across[1::2] if self.round else across
         moved = [outline.moved(dx, dy) for dx in across for dy in along]
         self.at = [(o, np.asarray(np.linalg.qr(vertex_jacobian(o, sensor), mode="r"))) for o in moved]
 
-    def error(self, sigma: float) -> float:
-        """Return the RMS vertex error [mm] that is reached at nine places of ten."""
-        bounds = (covariance_with_x_priors(o, self.sensor, slopes / sigma) for o, slopes in self.at)
-        errors = sorted(map(vertex_rms, bounds))
-        return float(errors[math.ceil(_MOST_PLACES * len(errors)) - 1])
+    def errors(self, sigma: float, wanted: tuple[float, float] = (0.0, 0.0)) -> tuple[float, float]:
+        """Return the RMS vertex error [mm] and the area's [%] that are reached at nine places of ten.
 
-    def largest_sigma(self, wanted_mm: float) -> float:
-        """Return the largest noise [Vref] that reaches the error; 0 where none does."""
+        One of which any is wanted, inf, is not computed, and 0; a round outline has no corners: inf.
+        """
+        mm, percent = [math.inf if self.round else 0.0], [0.0]
+        if wanted[0] < math.inf and not self.round:
+            mm = [vertex_rms(covariance_with_x_priors(o, self.sensor, s / sigma)) for o, s in self.at]
+        if wanted[1] < math.inf:
+            percent = [100.0 * area_bound(o, self.sensor, s / sigma) for o, s in self.at]
+        at = math.ceil(_MOST_PLACES * len(self.at)) - 1
+        return sorted(mm)[min(at, len(mm) - 1)], sorted(percent)[min(at, len(percent) - 1)]
+
+    def largest_sigma(self, wanted: tuple[float, float]) -> float:
+        """Return the largest noise [Vref] that reaches the errors; 0 where none does."""
+
+        def reached(log_sigma: float) -> bool:
+            mm, percent = self.errors(math.exp(log_sigma), wanted)
+            return mm <= wanted[0] and percent <= wanted[1]
+
         low, high = (math.log(s) for s in _NOISE)
-        if self.error(math.exp(low)) > wanted_mm:
+        if not reached(low):
             return 0.0
         for _ in range(_HALVINGS):
             middle = 0.5 * (low + high)
-            low, high = (middle, high) if self.error(math.exp(middle)) <= wanted_mm else (low, middle)
+            low, high = (middle, high) if reached(middle) else (low, middle)
         return math.exp(low)
