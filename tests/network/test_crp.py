@@ -14,8 +14,8 @@ from studies import crp_spans
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.errors import ContactError, NetworkError, ReadingError, SpecError
 from tacstrip.network.crp import inversion as crp
-from tacstrip.network.crp.constraints import constrained_step
 from tacstrip.network.crp.cramer_rao import Electrodes
+from tacstrip.network.crp.descent import constrained_step
 from tacstrip.network.crp.factored import FactoredScan
 from tacstrip.network.crp.mesh import SheetMesh, Wiring
 from tacstrip.network.crp.readings import contact_electrodes, measurements

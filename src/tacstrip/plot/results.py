@@ -19,16 +19,17 @@ from tacstrip.arrays import FloatArray
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import ArgumentError
 from tacstrip.geometry.region import regions
-from tacstrip.plot.labels import LabelledObject, labelled_objects
 from tacstrip.plot.layers import draw_object
 from tacstrip.plot.scans import left_out, say_nothing, scan, spread
 from tacstrip.plot.scene import (
+    LabelledObject,
     draw_contact,
     draw_piece,
     draw_polygon,
     draw_regions,
     draw_sensor,
     fill_sheet,
+    labelled_objects,
     neighbourhood,
     zoom,
 )
