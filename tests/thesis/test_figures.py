@@ -79,10 +79,10 @@ def test_3_10_a_strip_count_is_that_of_the_picture() -> None:
     middle = float(strip_angle(sensor, np.array(2.0)))
     for depth in (0.05, 0.2, 0.6, 1.0):
         angles = np.linspace(middle - 0.5 * pitch, middle + 0.5 * pitch, 401)
-        counts = {int(chapter3.touched_strips(sensor, float(a), depth).sum()) for a in angles}
+        counts = {int(chapter3.strips_touched_by_flat(sensor, float(a), depth).sum()) for a in angles}
         assert counts == set(strips_under_flat(sensor, depth)), depth
     assert strips_under_flat(sensor, 0.6) == (2, 3)
-    assert chapter3.touched_strips(sensor, middle, 0.6).tolist() == [False, True, True, True, False]
+    assert chapter3.strips_touched_by_flat(sensor, middle, 0.6).tolist() == [False, True, True, True, False]
 
 
 def test_3_10_two_strips_at_most_need_a_shallow_dent() -> None:
