@@ -27,8 +27,8 @@ import tacstrip as ts
 from tacstrip.stream.device.port import SerialPort
 from tacstrip.stream.device.source import SerialSource
 from tacstrip.stream.device.virtual import PtyDevice, VirtualDevice
-from tacstrip.stream.live.open import warm_up
 from tacstrip.stream.live.pipeline import Live
+from tacstrip.stream.live.warmup import warm_up
 
 RATE_HZ = 1000.0
 SENSOR = ts.Sensor(construction="crs-crs", strips=100, pitch_mm=1.0, length_mm=100.0, adc_bits=12)

@@ -4,9 +4,9 @@ There is no closed form (3.3), and neighbours shift a reading by up to a tenth o
 together: Levenberg-Marquardt on the network itself with its adjoint Jacobian (`factored`), first on a coarser mesh,
 started from bands that read about the same. Every step keeps to 0 <= l <= u <= L and, if asked to, to convex contacts.
 
-A step d minimises d C d / 2 - f d under G d >= h. With C = R' R this is
-the point of a polyhedron that lies nearest to the origin, which non-negative least squares finds: C. L. Lawson and
-R. J. Hanson, Solving Least Squares Problems (1974), chapter 23, problem LDP.
+A step d minimises d C d / 2 - f d under G d >= h. With C = R' R this is the point of a polyhedron that lies nearest
+to the origin, which non-negative least squares finds: C. L. Lawson and R. J. Hanson, Solving Least Squares Problems
+(1974), chapter 23, problem LDP.
 """
 
 from __future__ import annotations
