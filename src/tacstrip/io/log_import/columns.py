@@ -24,6 +24,7 @@ from tacstrip.io.log_import.names import (
     pair_of,
 )
 from tacstrip.io.log_import.questions import ROLES, Clues
+from tacstrip.io.log_import.statements import strips_order_said, told_channels
 from tacstrip.io.log_import.table import CLOCK, ROW
 
 _ABOVE = 0.95  # of the strips: k_h is above k_l there, and so the names are clear
@@ -40,15 +41,6 @@ _PAIRS_TOLD = 20  # pairs of readings that tell in which order columns stand
 _STEADY = 0.1  # of its largest value: a supply's voltage moves by no more
 _ALONE = 0.9  # of the readings of one end: so many have the other beside them
 _REST, _GAP = 0.05, 5.0  # of the largest reading: the most of noise; and times that: where readings begin
-_ORDER_SAID = re.compile(
-    r"(?=.*\b(?:strips?|columns?|channels?|streifen|spalten)\b)"
-    r".*\b(?:first|last|then|order|reversed?|descending|backwards|zuerst|zuletzt|dann|absteigend)\b",
-    re.IGNORECASE,
-)
-_FROM_AN_END = re.compile(
-    r"\b(?:first|last|reversed?|descending|backwards|zuerst|zuletzt|absteigend|not|except|without)\b",
-    re.IGNORECASE,
-)
 _ALIKE = 0.02  # relative: two columns that are the same quantity in two units
 # What a column may be that holds something made of readings, or what is measured beside them.
 _DERIVED = frozenset(
@@ -478,23 +470,21 @@ def _of_block(clues: Clues, block: list[str], known: dict[str, Meaning], which: 
     """Return columns as the readings of the strips in their order, h and l as the readings allow."""
     channels = 1 if which else max(len(clues.expected), 1)
     clues.counted = True
-    said = [line for line in clues.table.preamble if _ORDER_SAID.search(line)]
     strips = len(block) // channels
     answer = clues.choice("strip_order", ("ascending", "descending"))
-    if said and not answer and not _told_order(tuple(said), strips):
-        if _from_first(said, strips):
-            clues.because(f"the first strip's columns stand first, as the log says: {said[0].strip()[:80]!r}")
-        elif _from_last(said, strips):
-            answer = "descending"
-            clues.because(f"the last strip's columns stand first, as the log says: {said[0].strip()[:80]!r}")
-        else:
-            clues.ask(
-                "strip_order",
-                f"a line above the columns, which have no names, says {said[0].strip()[:80]!r}: does the first strip "
-                "stand first (ascending), or the last (descending)?",
-                "ascending",
-                "descending",
-            )
+    told, line = strips_order_said(clues.table.preamble, strips)
+    if told == "?" and not answer:
+        clues.ask(
+            "strip_order",
+            f"a line above the columns, which have no names, says {line.strip()[:80]!r}: does the first strip stand "
+            "first (ascending), or the last (descending)?",
+            "ascending",
+            "descending",
+        )
+    elif told and not answer:
+        answer = told
+        end = "first" if told == "ascending" else "last"
+        clues.because(f"the {end} strip's columns stand first, as the log says: {line.strip()[:80]!r}")
     order = _order(clues, block, f"{block[0]} to {block[-1]} are two for each strip") if channels == 2 else ""
     at = [
         (n, 0) if channels == 1 else divmod(n, 2) if order == "alternating" else (n % strips, n // strips)
@@ -703,7 +693,7 @@ def _order(clues: Clues, names: list[str], said: str) -> str:
     if below := _noise(table):
         table[table <= below] = 0.0
     half = len(names) // 2
-    if told := _told_order(clues.table.preamble, half):
+    if told := next(filter(None, (told_channels(line, half) for line in clues.table.preamble)), ""):
         clues.because(f"columns are {told}, as the log says above them")
         return told
     ways = {"alternating": (table[:, 0::2], table[:, 1::2]), "blocks": (table[:, :half], table[:, half:])}
@@ -748,53 +738,6 @@ def _noise(table: FloatArray) -> float:
     low = values[values < _REST * values.max(initial=0.0)]
     high = values[len(low) :]
     return float(low[-1]) if len(low) and len(high) and high[0] > _GAP * low[-1] else 0.0
-
-
-def _from_first(said: list[str], strips: int) -> bool:
-    """Return whether a line says that strips stand in their order: its numbers rise from the first strip to the last.
-
-    Examples
-    --------
-    >>> _from_first(["order: strip 0 ... strip 9"], 10), _from_first(["order: strip 0 is last, strip 9 first"], 10)
-    (True, False)
-    """
-    numbers = [int(n) for n in re.findall(r"\d+", said[0])]
-    rise = len(numbers) > 1 and all(b > a for a, b in itertools.pairwise(numbers))
-    worded = _FROM_AN_END.search(said[0])
-    return (
-        len(said) == 1 and rise and not worded and [numbers[0], numbers[-1]] in ([0, strips - 1], [1, strips])
-    )
-
-
-def _from_last(said: list[str], strips: int) -> bool:
-    """Return whether a line says that the last strip's columns stand first, by the numbers of both.
-
-    Examples
-    --------
-    >>> _from_last(["strip 9 first, strip 0 last"], 10), _from_last(["strip 9 is last, strip 0 first"], 10)
-    (True, False)
-    """
-    told = list(re.finditer(r"\b(?:strips?|s|channels?|ch)\s*#?(\d+)", said[0].casefold()))
-    numbers = [int(m[1]) for m in told]
-    if len(said) > 1 or not any(numbers == [strips - 1 + base, base] for base in (0, 1)):
-        return False
-    first, last = (
-        re.search(words, said[0].casefold()) for words in (r"\b(?:first|zuerst)\b", r"\b(?:last|zuletzt)\b")
-    )
-    between = told[1].start()  # else the words say the contrary of the numbers' order
-    return not (first and first.start() > between) and not (last and last.start() < between)
-
-
-def _told_order(preamble: tuple[str, ...], strips: int) -> str:
-    """Return the order of columns that a line above them describes, as "h0..h7 then l0..l7"; "" where none does."""
-    for line in preamble:
-        told = re.findall(r"(?<![A-Za-z])(?:[vku]_?)?([hl])_?\[?(\d+)", line.casefold())
-        ends, numbers = "".join(end for end, _ in told), [int(n) for _, n in told]
-        if re.fullmatch(r"h{2,}l{2,}", ends) and max(numbers) - min(numbers) == strips - 1:
-            return "blocks"
-        if re.fullmatch(r"(?:hl){2,}", ends) and numbers[0] == numbers[1] == numbers[2] - 1:
-            return "alternating"
-    return ""
 
 
 # Tables without names

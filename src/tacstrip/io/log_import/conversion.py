@@ -10,6 +10,7 @@ from collections.abc import Collection
 import numpy as np
 
 from tacstrip.arrays import FloatArray
+from tacstrip.io.log_import.names import TIME_UNITS
 from tacstrip.io.log_import.questions import Clues
 from tacstrip.io.log_import.table import Table
 
@@ -41,10 +42,27 @@ _STEP = re.compile(
     re.IGNORECASE,
 )
 _PREFIXES = {"": 1.0, "m": 1e-3, "u": 1e-6, "\u00b5": 1e-6}
+_EVERY = re.compile(
+    r"\b(?:every|each|per|alle|jede|toutes les|cada|ogni)\s+(?:(\d+)\s*)?(s|sec\w*|sek\w*|seg\w*|min\w*|h|hours?)\b",
+    re.IGNORECASE,
+)
+_PERIODS = {"s": "s", "m": "min", "h": "h"}
 _NEAR = 0.02  # relative
 _USUAL = (8, 10, 12, 14, 16, 18, 20, 24)  # bits
 _NOISE = 2e-3  # of half of full scale
 _OFTEN, _SELDOM = 0.1, 0.01  # of the readings
+
+
+def repeated_s(table: Table) -> set[float]:
+    """Return the periods in seconds of what the lines above say to come "every 5 minutes"; not of readings for sure.
+
+    Examples
+    --------
+    >>> repeated_s(Table((), [], [], preamble=("logged every 5 minutes",)))
+    {300.0}
+    """
+    found = _EVERY.findall("\n".join(table.preamble))
+    return {float(n or 1) * TIME_UNITS[_PERIODS.get(u[:1].casefold(), "s")] for n, u in found if n != "0"}
 
 
 def factor(clues: Clues) -> float:

@@ -21,17 +21,12 @@ from tacstrip.io.log_import.mapping import ColumnMapping
 from tacstrip.io.log_import.names import meaning, meanings
 from tacstrip.io.log_import.questions import KEYS, Clues, Unanswered
 from tacstrip.io.log_import.scans import LogScan, scans, strip_numbers
+from tacstrip.io.log_import.statements import base_said
 from tacstrip.io.log_import.table import Table
 from tacstrip.io.log_import.write import at_rest
 from tacstrip.sensor.spec import Sensor
 
 Read = TypeVar("Read")
-# As "strips are numbered 1 to 10", "strip numbers from 0", "1-based", "first strip is 1".
-_BASE_TOLD = re.compile(
-    r"\bstrips?\b[^\d\n]{0,30}?\b(?:from|numbered|counted|count|are|ab|von)\b[^\d\n]{0,12}?\b([01])\b"
-    r"|\b([01])[ -](?:based|indexed)\b|\bfirst strip\b[^\d\n]{0,20}?\b([01])\b|\bstrips ([01]) ?(?:to|-|\.\.+|bis) ?\d",
-    re.IGNORECASE,
-)
 _TOUCH = re.compile(r"touch|contact|press|active|ber(?:\u00fc|ue)hrt", re.IGNORECASE)
 _SHOWN, _LONG = 3, 72  # broken lines, and characters of each, that are quoted
 _FEW_BROKEN, _MOST_BROKEN = 2, 1.0 / 3.0  # lines, and part of the lines: of more, the log is of another form
@@ -308,15 +303,8 @@ def _strips(clues: Clues, found: Columns) -> tuple[int, int]:
             base = low
         elif len(fits) == 1:
             base = fits[0]
-        elif (
-            len(
-                told := {
-                    int(b) for b in itertools.chain(*_BASE_TOLD.findall("\n".join(clues.table.preamble))) if b
-                }
-            )
-            == 1
-        ):
-            base = said = told.pop()
+        elif (told := base_said(clues.table.preamble)) is not None:
+            base = said = told
             clues.because(f"strips are numbered from {base}, as the log says above them")
         elif clues.sensor and "strip_base" in (clues.stated or ()) and 0 < clues.sensor.strip_base <= low:
             base = clues.sensor.strip_base  # which nobody writes unless it is so; 0 is what `init` writes

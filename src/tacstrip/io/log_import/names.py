@@ -111,6 +111,7 @@ _LAST = frozenset(UNITS) - {
 _ANY = _HIGH | _LOW | _OUT | _ONE_OF_PAIR | _VALUE | _STRIP | _BESIDE | frozenset(UNITS)
 _KNOWN = _ANY | _TIME | _SCAN | _WHICH
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "days": 86400.0}
+CLOCKS = ("clock", "hh:mm", "mm:ss")  # of times of day and dates; of 14:05, which of both it is
 READING_UNITS = ("V", "mV", "uV", "code", "fraction", "percent", "permille", "cV", "dV")
 CHANNELS = ("h", "l", "out")
 _LONG_TIMES = {

@@ -81,7 +81,7 @@ def _of_day_and_clock(table: Table) -> Table:
     dates = [n for n in table.names if len(fields := {*table.column(n)}) > 1 and all(map(is_date, fields))]
     clocks = [
         n for n in table.names
-        if n not in dates and all(f.count(":") > 1 and clock_seconds(f) is not None for f in table.column(n))
+        if n not in dates and all(":" in f and clock_seconds(f) is not None for f in table.column(n))
     ]  # fmt: skip
     if len(dates) != 1 or len(clocks) != 1 or clock_seconds(f"{table.column(dates[0])[0]} 0:00:00") is None:
         return table

@@ -17,7 +17,6 @@ import numpy as np
 from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.conversion import resolutions
 from tacstrip.io.log_import.delimiters import (
-    of_groups,
     of_sent,
     of_slashes,
     without_ends,
@@ -26,6 +25,7 @@ from tacstrip.io.log_import.delimiters import (
 )
 from tacstrip.io.log_import.dialects import of_dialect, of_displayed_scans, plain_rows
 from tacstrip.io.log_import.fields import STAMP, clock_seconds, is_value, number_of, says_nothing
+from tacstrip.io.log_import.groups import of_groups
 from tacstrip.io.log_import.literals import one_page, unwrapped
 from tacstrip.io.log_import.names import OTHER_SCRIPT, meaning, meanings, pair_of
 from tacstrip.io.log_import.records import STEADY, Item, is_label, items, named_values, of_literals
@@ -69,7 +69,7 @@ _REMARKED = re.compile(
     r"(?<!\s)(?:\s+[(\[][^()\[\]]{9,}[)\]]\s*|\s{2,}\S.*|\s+(?:--|#|//)\s.*)\Z"
 )  # behind names in a comment
 _ANNOUNCED = re.compile(r"\A(?:columns?|fields?|format|header|names?|cols?|spalten)\s*[:=]\s*", re.IGNORECASE)
-_RANGE = re.compile(r"\b([A-Za-z_]+)(\d+)\s*(?:\.\.+|\u2026|-|to)\s*([A-Za-z_]*)(\d+)\b")  # such as "A0..A3"
+_RANGE = re.compile(r"\b([A-Za-z_]+) ?(\d+)\s*(?:\.\.+|\u2026|-|to)\s*([A-Za-z_]*) ?(\d+)\b")  # such as "A0..A3"
 _SAID_OF = re.compile(r"\s+(?:=|are|:)\s.*\Z")  # what names are
 _MOST_NAMES = 1000
 _SHELL = re.compile(
@@ -425,7 +425,7 @@ def _names_said(line: str, width: int, separator: str) -> str:
             return shorter
         listed = _SAID_OF.sub("", _ANNOUNCED.sub("", _REMARKED.sub("", shorter)))
         parts = [p.strip() for p in re.split(r"[,;]", _RANGE.sub(_in_full, listed))]
-        if len(parts) == width > _FEW_BLOCKS and all(parts) and separator not in ",;":
+        if len(parts) == width > _FEW_BLOCKS and all(parts) and (separator not in ",;" or _RANGE.search(listed)):
             return (separator or " ").join(p.replace(" ", "_") for p in parts)
     return "" if len(_fields(bare, separator)) == width else bare
 
