@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -445,19 +446,34 @@ def _ask_for_block(clues: Clues, why: str, names: list[str], wide: int) -> list[
     ]  # with none between
     blocks = [f"{names[n]}..{names[n + wide - 1]}" for n in starts or range(len(names) - wide + 1)]
     shown = (blocks[-1], *blocks[:-1][:2])
-    clues.ask("readings", f"{why}: which {wide} are the readings of the strips in their order?", *shown)
+    clues.ask("readings", f"{why}: which {wide} are the readings of the strips in their order (else name all, with commas)?", *shown)
     return names[-wide:]
 
 
+def _parts(answer: str, names: Sequence[str]) -> list[str]:
+    """Return what stands between the commas of an answer, but for those within columns' names."""
+    parts: list[str] = []
+    for piece in answer.split(","):
+        whole = f"{parts[-1]},{piece}" if parts else ""
+        if parts and parts[-1] not in names and any(n.startswith(whole) for n in names):
+            parts[-1] = whole
+        else:
+            parts.append(piece)
+    return [part.strip() if part not in names else part for part in parts]
+
+
 def _answered_block(clues: Clues) -> list[str]:
-    """Return the columns from the one to the other of the answer "readings"."""
+    """Return the columns of the answer "readings": from one to another, or in the order in which they are named."""
     answer, names = clues.answers["readings"], clues.table.names
-    first, _, last = answer.partition("..")
-    if first not in names or last not in names:
-        raise OptionError(
-            f"--answer readings={answer}: name the first and the last column, as in {names[0]}..{names[-1]}"
-        )
-    block = list(names[names.index(first) : names.index(last) + 1])
+    block: list[str] = []
+    for part in _parts(answer, names):
+        first, dots, last = part.partition("..")
+        if first not in names or (dots and last not in names):
+            raise OptionError(
+                f"--answer readings={answer}: {part!r} is no column; name the first and the last, as in "
+                f"{names[0]}..{names[-1]}, or all in the strips' order, with commas between them"
+            )
+        block += names[names.index(first) : names.index(last if dots else first) + 1]
     wide = clues.sensor.strips * len(clues.expected) if clues.sensor else len(block)
     if len(block) != wide:
         raise OptionError(

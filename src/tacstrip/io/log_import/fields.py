@@ -15,7 +15,9 @@ from tacstrip.io.log_import.names import UNITS
 NOTHING = frozenset(
     {"", "nan", "na", "n/a", "n.a.", "#n/a", "<na>", "nat", "-", "--", "---", "null", "none", "nil", "open"}
     | {"untouched", ".", "x", "off", "idle", "free", "frei", "s/d", "s.d.", "k.a.", "n.d."}
-    | {"released", "not touched", "no touch", "unber\u00fchrt"}
+    | {"released", "not touched", "no touch", "unber\u00fchrt", "kein kontakt", "ohne kontakt", "nicht ber\u00fchrt"}
+    | {"sans contact", "pas de contact", "non touch\u00e9", "ouvert", "libre", "sin contacto", "abierto", "sem contato"}
+    | {"aberto", "livre", "senza contatto", "aperto", "libero", "geen contact", "brak", "no signal", "vac\u00edo", "vazio"}
     | {"-nan", "nc", "n.c.", "n.v.", "no contact", "[]", "{}", "offen", "leer", "vide", "\u2013", "\u2014"}
 )  # fmt: skip
 _NO_NUMBER = re.compile(r"(?:-?nan|n/?a|-[-.]*|\.nan)\s?(?:m?V|ms|s|%|LSB)?", re.IGNORECASE)

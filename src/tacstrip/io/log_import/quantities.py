@@ -18,6 +18,7 @@ from tacstrip.io.log_import.mapping import RESTARTS, ColumnMapping
 from tacstrip.io.log_import.names import (
     CLOCKS,
     IN_VOLTS,
+    LENGTHS_MM,
     OF_VREF,
     READING_UNITS,
     TIME_UNITS,
@@ -489,7 +490,7 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
     sensor = clues.sensor
     values = np.concatenate([s.values.ravel() for s in rough])
     values = values[np.isfinite(values)]
-    answer = clues.choice("unit", READING_UNITS)
+    answer = clues.choice("unit", (*READING_UNITS, *LENGTHS_MM))
     vref = clues.number("vref_volt") or (sensor.vref_volt if sensor else 0.0)
     bits = _stated_bits(clues)
     scale = mapping.scale
@@ -554,7 +555,7 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
             "5",
             "3.3",
         )
-    top = (_most(vref / scale) | {"code": 2.0**bits - 1.0}).get(unit, 0.0)
+    top = (_most(vref, scale) | {"code": 2.0**bits - 1.0}).get(unit, 0.0)
     if unit in IN_VOLTS and sensor and not open_unit and "vref_volt" not in clues.answers:
         over = values > (1.0 + _OFF_VREF) * top
         if over.sum() > _FEW_OVER and over.mean() > _MANY and values.max() <= _MOST_OVER * top and not answer:
@@ -736,9 +737,10 @@ def _by_size(clues: Clues, values: FloatArray, vref: float, bits: int, volts: bo
     return likely[0] if likely else "V"
 
 
-def _most(vref: float) -> dict[str, float]:
-    """Return the most that there can be in each unit but codes."""
-    return {u: vref / scale for u, scale in IN_VOLTS.items()} | {u: 1.0 / s for u, s in OF_VREF.items()}
+def _most(vref: float, scale: float = 1.0) -> dict[str, float]:
+    """Return the most that there can be in each unit but codes, of readings that are to be multiplied by `scale`."""
+    most = {u: vref / volts for u, volts in IN_VOLTS.items()} | {u: 1.0 / part for u, part in OF_VREF.items()}
+    return {u: value / scale for u, value in most.items()}
 
 
 def _off_steps(values: FloatArray, vref: float, bits: int) -> bool:

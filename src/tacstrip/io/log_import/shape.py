@@ -10,8 +10,8 @@ from dataclasses import replace
 import numpy as np
 
 from tacstrip.errors import ReadingError
-from tacstrip.io.log_import.fields import array_of, clock_seconds, is_date, number_of, quantity
-from tacstrip.io.log_import.names import IN_VOLTS, READING_UNITS, TIME_UNITS, UNITS, meaning, meanings
+from tacstrip.io.log_import.fields import array_of, clock_seconds, is_date, number_of, quantity, says_nothing
+from tacstrip.io.log_import.names import CHANNELS, IN_VOLTS, READING_UNITS, TIME_UNITS, UNITS, meaning, meanings
 from tacstrip.io.log_import.table import ROW, Table, flattened
 
 _ARRAYS = 0.5  # of a column's fields that say something: then it is one of arrays
@@ -19,6 +19,7 @@ _WHOLE_SECONDS = r"(?:[\d/.-]+[T ])?\d{1,2}:\d\d:\d\d"
 _UNITS_COLUMN = re.compile(
     r"(?:\w+[ _.])?(?:units?|einheit(?:en)?|unit\u00e9s?|unidad|unit\u00e0)(?:[ _.]\w+)?", re.I
 )
+_FEW_KEYS, _SHOWN = 3, 5  # names of strips in a column; lines that are quoted
 _FEW_BLANKS = 0.25  # of the rows: where more have no time, cells are merged
 _CORNER = re.compile(r"(\w+)\s*[\\/|]\s*(t|time|zeit)\s*(?:[\[(]?(\w+)[\])]?)?", re.I)
 _SCAN_IN_NAME = re.compile(r"\W*(t|time|zeit|scan|frame|sample)\W*([+-]?\d+(?:\.\d+)?)\s*(\w*)\W*\Z", re.I)
@@ -32,7 +33,7 @@ def in_normal_form(table: Table) -> Table:
     """
     steps: tuple[Callable[[Table], Table], ...] = (
         _without_empty, _of_several_scans, _of_day_and_clock, _of_one_clock, _of_two_numbers, _transposed, _spread,
-        _without_units, _of_unit_column, _in_one_unit, _upright, _split_keys, _filled, _without_index,
+        _without_units, _of_strips_only, _of_unit_column, _in_one_unit, _upright, _split_keys, _filled, _without_index,
     )  # fmt: skip
     for step in steps:
         table = step(table) if table.rows else table
@@ -233,6 +234,29 @@ def _without_units(table: Table) -> Table:
         ]
         told.append(f"{name}: its fields say {' and '.join(sorted(units))}")
     return _with(table, columns, *told) if told else table
+
+
+def _of_strips_only(table: Table) -> Table:
+    """Leave out rows whose key names no strip, such as TEMP among 2H, 2L, ..., or S1, S2, ...; with a doubt."""
+    for name in table.names:
+        fields = table.column(name)
+        kinds = meanings(sorted({*fields}))
+        others = {f for f, m in kinds.items() if m.strip is None}
+        if not others or len(kinds) - len(others) < _FEW_KEYS or meaning(name).role in ("time", "scan"):
+            continue
+        words = all(re.fullmatch(r"[^\W\d]{2,}(?:[ _.-][^\W\d]+)*", f) and not says_nothing(f) for f in others)
+        out = [n for n, f in enumerate(fields) if f in others]
+        strips = all(m.role == "reading" for f, m in kinds.items() if f not in others)
+        worded = strips and not any(number_of(f) is not None for f in kinds)
+        if not (worded and words) or any(kinds[f].channel in CHANNELS for f in others) or 2 * len(out) > len(fields):
+            continue
+        kept = [n for n in range(len(fields)) if fields[n] not in others]
+        said = f"line(s) {', '.join(str(table.lines[n]) for n in out[:_SHOWN])}{', ...' if len(out) > _SHOWN else ''}"
+        return replace(
+            table, rows=[table.rows[n] for n in kept], lines=[table.lines[n] for n in kept],
+            doubts=(*table.doubts, f"{said}: {name} is {', '.join(sorted(others))}, no strip's number; passed over"),
+        )  # fmt: skip
+    return table
 
 
 def _of_unit_column(table: Table) -> Table:

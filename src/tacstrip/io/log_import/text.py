@@ -45,9 +45,10 @@ _STAMPED = re.compile(
     rf"\s*\[?{_DAY_NAMED}(?P<stamp>{STAMP})(?: \d{{4}}(?=\]))?\]?"
     r"(?!\s*[AaPp]\.?[Mm]\b)\s*(?:->|=>|>|\||:|\t|\s)\s*(?=\S)"
 )
-_LEVEL = re.compile(
-    r"[\[(]?(?:TRACE|DEBUG|DBG|VERBOSE|INFO|INF|NOTICE|LOG|WARN|WARNING|WRN|ERROR|ERR|FATAL|CRITICAL)[\])]?[\s:|-]\s*"
-)
+_LEVELS = r"[\[(]?(?:TRACE|DEBUG|DBG|VERBOSE|INFO|INF|NOTICE|LOG|WARN|WARNING|WRN|ERROR|ERR|FATAL|CRITICAL)[\])]?"
+_LEVEL = re.compile(rf"{_LEVELS}[\s:|-]\s*")
+_LEVEL_FIRST = re.compile(rf"\A\s*{_LEVELS}\s*[:|-]?\s*(?=[\[(\d])")  # before a time, as ROS writes
+_NODE = re.compile(r"\[[A-Za-z][\w./-]*\]:?\s+")
 _ARRAY = re.compile(r"(?<![\"\w])\[[\d\s.,;eE+\-naNuloNe]*\](?!\")")
 _BRACKETED = re.compile(r"\s*[\[({](.*)[\])}]\s*[,;]?\s*")  # a line such as "(20, [1, 2])"
 _PREFIX = re.compile(r"\s*(?:[A-Za-z]+:|-)\s+(?=[-+.\d])")  # such as "RX: " before the fields of each line
@@ -280,14 +281,15 @@ def _in_pairs(lines: list[tuple[int, str]]) -> list[tuple[int, str]]:
 
 def _without_stamps(lines: list[tuple[int, str]]) -> tuple[list[tuple[int, str]], dict[int, str]]:
     """Return lines without what a monitor or a logger puts before each: the time, by line, and a level."""
+    levelled, lines = lines, [(i, _LEVEL_FIRST.sub("", line)) for i, line in lines]
     found = [_STAMPED.match(line) or _COUNTED.match(line) for _, line in lines]
     if sum(m is not None for m in found) <= STEADY * len(lines):
-        return lines, {}
+        return levelled, {}
     if any(m is None and _as_wide(line, lines[-1][1]) for (_, line), m in zip(lines, found, strict=True)):
-        return lines, {}  # a table, whose names count the time, too
+        return levelled, {}  # a table, whose names count the time, too
     stamps = {i: m["stamp"].strip() for (i, _), m in zip(lines, found, strict=True) if m}
     rest = [(i, line[m.end() :] if m else line) for (i, line), m in zip(lines, found, strict=True)]
-    for prefix in (_HOST, _LEVEL):
+    for prefix in (_HOST, _LEVEL, _NODE):
         before = [prefix.match(line) for _, line in rest]
         if all(before) and (prefix is _LEVEL or len({m.group() for m in before if m}) == 1):
             rest = [(i, line[m.end() :]) for (i, line), m in zip(rest, before, strict=True) if m]
