@@ -42,6 +42,7 @@ _PAIRS_TOLD = 20  # pairs of readings that tell in which order columns stand
 _STEADY = 0.1  # of its largest value: a supply's voltage moves by no more
 _ALONE = 0.9  # of the readings of one end: so many have the other beside them
 _REST, _GAP = 0.05, 5.0  # of the largest reading: the most of noise; and times that: where readings begin
+_FEW_WORDS = 2  # among numbers: one may stand for no contact, which is asked
 _ALIKE = 0.02  # relative: two columns that are the same quantity in two units
 # What a column may be that holds something made of readings, or what is measured beside them.
 _DERIVED = frozenset(
@@ -587,7 +588,9 @@ def _labels(clues: Clues, name: str) -> bool:
 
 def _numeric(clues: Clues, name: str) -> bool:
     fields = [f for f in clues.table.column(name) if not says_nothing(f)]
-    return bool(fields) and all(number_of(f, clues.table.decimal) is not None for f in fields)
+    words = {f for f in fields if number_of(f, clues.table.decimal) is None}
+    numbers = sum(f not in words for f in fields)
+    return 2 * numbers > len(fields) and len(words) < _FEW_WORDS and not any(re.search(r"\d", f) for f in words)
 
 
 # Channels

@@ -23,6 +23,12 @@ _GROUP = re.compile(
     rf"|\s*[:=]\s*(?P<bare>{_VALUE}(?:{_BETWEEN}{_VALUE})?)(?=\s*(?:[,;|]|\Z)|\s+[A-Za-z#\d]+\s*[:=(\[]))",
     re.IGNORECASE,
 )
+# The strip's number within the brackets, too.
+_WITHIN = re.compile(
+    rf"[(\[{{<]\s*#?(?P<strip>\d{{1,3}}){_BETWEEN.replace('[/,;|]', '[/,;|:]')}"
+    rf"(?P<inner>{_VALUE}{_BETWEEN}{_VALUE})\s*[)\]}}>](?P<bare>)",
+    re.IGNORECASE,
+)
 _SPLIT = re.compile(_VALUE, re.IGNORECASE)
 _TIGHT = re.compile(r"[/(\[{<]")  # what parts a group's values where a line holds but one group
 _NO_GROUP = r"\s*[,;|]?\s*"
@@ -70,7 +76,8 @@ def of_groups(lines: Lines) -> Lines:
 
 def _parsed(line: str) -> tuple[list[Item], list[tuple[str, list[str]]]] | None:
     """Return what stands before the groups of a line, and the strip and the values of each; None where it has none."""
-    groups = list(_GROUP.finditer(line))
+    groups = list(_WITHIN.finditer(line))
+    groups = groups if len(groups) > 1 else list(_GROUP.finditer(line))
     if not groups or any(not re.fullmatch(_NO_GROUP, line[a.end() : b.start()]) for a, b in pairwise(groups)):
         return None
     if not re.fullmatch(_NO_GROUP, line[groups[-1].end() :]):

@@ -21,6 +21,10 @@ _UNITS_COLUMN = re.compile(
 )
 _FEW_KEYS, _SHOWN = 3, 5  # names of strips in a column; lines that are quoted
 _FEW_BLANKS = 0.25  # of the rows: where more have no time, cells are merged
+_CLOCK_PARTS = (
+    r"hours?|hh|stunden?|heures?|horas?|ore?", r"min(?:ute[ns]?|utos?|uti)?|mm", r"s(?:ec(?:ond[ieos]*)?|ek(?:unden?)?)?|ss",
+    r"ms|millis(?:econds?)?|msec",
+)  # fmt: skip
 _CORNER = re.compile(r"(\w+)\s*[\\/|]\s*(t|time|zeit)\s*(?:[\[(]?(\w+)[\])]?)?", re.I)
 _SCAN_IN_NAME = re.compile(r"\W*(t|time|zeit|scan|frame|sample)\W*([+-]?\d+(?:\.\d+)?)\s*(\w*)\W*\Z", re.I)
 
@@ -32,7 +36,7 @@ def in_normal_form(table: Table) -> Table:
     two, merged cells are filled, a column that only counts the rows is left out, and columns of scans become rows.
     """
     steps: tuple[Callable[[Table], Table], ...] = (
-        _without_empty, _of_several_scans, _of_day_and_clock, _of_one_clock, _of_two_numbers, _transposed, _spread,
+        _without_empty, _of_several_scans, _of_clock_parts, _of_day_and_clock, _of_one_clock, _of_two_numbers, _transposed, _spread,
         _without_units, _of_strips_only, _of_unit_column, _in_one_unit, _upright, _split_keys, _filled, _without_index,
     )  # fmt: skip
     for step in steps:
@@ -90,6 +94,25 @@ def _of_day_and_clock(table: Table) -> Table:
     days = table.column(dates[0])
     columns[clocks[0]] = [f"{d.strip()} {t}" for d, t in zip(days, columns[clocks[0]], strict=True)]
     return _with(table, columns, f"{dates[0]} and {clocks[0]}: a date and a time of day")
+
+
+def _of_clock_parts(table: Table) -> Table:
+    """Put hours, minutes and seconds that stand in columns of their own, perhaps with milliseconds, into one clock."""
+    found = [[n for n in table.names if re.fullmatch(word, n.strip(), re.I)] for word in _CLOCK_PARTS]
+    if any(len(names) != 1 for names in found[:3]) or len(found[3]) > 1:
+        return table
+    names = [names[0] for names in found if names]
+    fields = [table.column(n) for n in names]
+    if not all(re.fullmatch(r"\d{1,2}", f) for column in fields[:2] for f in column):
+        return table
+    if not all(re.fullmatch(r"\d{1,2}([.,]\d+)?", f) for f in fields[2]) or not all(f.isdigit() for f in sum(fields[3:], [])):
+        return table
+    clock = [
+        f"{h}:{m:0>2}:{s if s[1:2].isdigit() else '0' + s}{'.' + rest[0].zfill(3) if rest else ''}"
+        for h, m, s, *rest in zip(*fields, strict=True)
+    ]
+    columns = {"clock": clock} | {n: table.column(n) for n in table.names if n not in names}
+    return _with(table, columns, f"{', '.join(names)}: parts of one clock")
 
 
 def _of_one_clock(table: Table) -> Table:

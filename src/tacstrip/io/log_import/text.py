@@ -74,7 +74,7 @@ _RANGE = re.compile(r"\b([A-Za-z_]+) ?(\d+)\s*(?:\.\.+|\u2026|-|to)\s*([A-Za-z_]
 _SAID_OF = re.compile(r"\s+(?:=|are|:)\s.*\Z")  # what names are
 _MOST_NAMES = 1000
 _SHELL = re.compile(
-    r"\s*(?:>>> (?!\s*[-+\d.]).*|\[\d+ rows x \d+ columns\]\s*|\(?\d+ rows?(?: in set.*|\)\s*))"
+    r"\s*(?:>>> (?!\s*[-+\d.]).*|> [A-Za-z.].*|\[\d+ rows x \d+ columns\]\s*|\(?\d+ rows?(?: in set.*|\)\s*))"
 )  # around a printed DataFrame
 _R_ROW = re.compile(r"\s*\[\d+,\](?=\s)")  # before the rows of a matrix that R prints
 _REMARK_NAMES = (
@@ -599,10 +599,22 @@ def _in_decimals(split: list[tuple[int, list[str]]], width: int) -> list[tuple[i
     ):
         return split
     digits = [n for n in digits if len(body[0][n]) == len(lettered[0])]
+    for n in [n for n in digits if not any(re.search("[A-Fa-f]", row[n]) for row in body)]:
+        even = [_rises_evenly([int(row[n], base) for row in body]) for base in (10, 16)]
+        if even == [True, True]:
+            raise ReadingError(
+                f"{body[0][n]!r}: a hexadecimal number, as others on its line, or a decimal one? Write 0x before the first"
+            )
+        digits = [d for d in digits if d != n] if even[0] else digits
     for _, row in split:
         for n in digits if len(row) == width else ():
             row[n] = f"0x{row[n]}" if re.fullmatch(_HEX, row[n]) else row[n]
     return split
+
+
+def _rises_evenly(numbers: list[int]) -> bool:
+    steps = np.diff(numbers)
+    return len(steps) > 1 and bool((steps > 0).all()) and len({*steps.tolist()}) == 1
 
 
 def _labels(lines: list[tuple[int, str]]) -> dict[int, list[Item]]:
@@ -673,10 +685,14 @@ def _without_columns_of_blanks(data: list[tuple[int, str]]) -> list[tuple[int, s
     pieces = list(zip([0, *ends], [*ends, None], strict=True))
     if len(pieces) < max(counts) or max(counts) < 2:
         return data
-    cut = [(i, [line.expandtabs()[a:b].strip() for a, b in pieces]) for i, line in data]
-    full = [line for _, line in data if len(line.split()) >= len(pieces)]
+    rows = [all(map(_is_bare, line.split())) for _, line in data]
+    full = [line for (_, line), row in zip(data, rows, strict=True) if row and len(line.split()) >= len(pieces)]
     if any(len(line[n - 1 : n + 1].strip()) == 2 for line in full for n in ends):  # a boundary within a word
         return data
+    cut = [
+        (i, [line.expandtabs()[a:b].strip() for a, b in pieces] if row or len(line.split()) != len(pieces) else line.split())
+        for (i, line), row in zip(data, rows, strict=True)
+    ]
     if any(piece and says_nothing(piece) for _, row in cut for piece in row):  # then a blank one is lost
         return data
     if any(re.search(r"\S\s\S", piece) for _, row in cut[len(cut) // 2 :] for piece in row):
