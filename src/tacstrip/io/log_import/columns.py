@@ -42,6 +42,7 @@ _PAIRS_TOLD = 20  # pairs of readings that tell in which order columns stand
 _STEADY = 0.1  # of its largest value: a supply's voltage moves by no more
 _ALONE = 0.9  # of the readings of one end: so many have the other beside them
 _REST, _GAP = 0.05, 5.0  # of the largest reading: the most of noise; and times that: where readings begin
+_MOST_ASKED = 6  # columns, of each of which is asked what it is
 _FEW_WORDS = 2  # among numbers: one may stand for no contact, which is asked
 _ALIKE = 0.02  # relative: two columns that are the same quantity in two units
 # What a column may be that holds something made of readings, or what is measured beside them.
@@ -407,7 +408,8 @@ def _by_contents(
         and n != ROW
         and _numeric(clues, n)
     ]
-    many = (1,) if clues.expected == ("out",) else (2,) if clues.expected else (1, 2)
+    which = any(known[n].role == "which" for n in taken if n in known)
+    many = (1,) if which or clues.expected == ("out",) else (2,) if clues.expected else (1, 2)
     wide = clues.sensor.strips * many[0] if clues.sensor else 0
     some = [n for n, m in known.items() if n not in {*taken, *given, ROW} and m.role not in ("time", "strip")]
     if sum(known[n].role != "scan" for n in some) == wide:
@@ -430,11 +432,11 @@ def _by_contents(
         channels = ("1", "2") if len(left) == 2 else ("",)
         return {n: Meaning("reading", c, unit=known[n].unit) for n, c in zip(left, channels, strict=True)}
     shown = ", ".join(clues.table.names[:8]) + (", ..." if len(clues.table.names) > 8 else "")
-    clues.ask(
-        (left or list(clues.table.names))[-1],
-        f"no column's name says that it holds readings (they are: {shown}); say it, of each that does",
-        *(clues.expected or ("h", "l", "out")),
-    )
+    text = f"no column's name says that it holds readings (they are: {shown}); say it, of each that does"
+    free = [n for n in clues.table.names if n not in {*taken, *given, ROW, CLOCK}]
+    for name in (left or free or list(clues.table.names))[-_MOST_ASKED:]:
+        clues.ask(name, text, *(clues.expected or ("h", "l", "out")), "skip")
+        text = "or of this one"
     clues.stop()
     raise AssertionError
 
@@ -590,7 +592,7 @@ def _numeric(clues: Clues, name: str) -> bool:
     fields = [f for f in clues.table.column(name) if not says_nothing(f)]
     words = {f for f in fields if number_of(f, clues.table.decimal) is None}
     numbers = sum(f not in words for f in fields)
-    return 2 * numbers > len(fields) and len(words) < _FEW_WORDS and not any(re.search(r"\d", f) for f in words)
+    return 4 * numbers > len(fields) and len(words) < _FEW_WORDS and not any(re.search(r"\d", f) for f in words)
 
 
 # Channels

@@ -38,7 +38,7 @@ _VOLTS = _words("v u voltage volt volts spannung tension tensione tensiune vout 
 _VALUE = _VOLTS | _words(
     "value val reading readings wert messwert signal output level ain ai an analog in k data kanal ratio adc raw code "
     "codes count counts valeur valore valor lesung read measured meas y amplitude waarde wartosc tensao spanning "
-    "napiecie lecture lectura leitura lettura signal senal sinal segnale"
+    "napiecie lecture lectura leitura lettura mesure medida meting pomiar misura signal senal sinal segnale"
 )
 _STRIP = _words(
     "strip strips stripe streifen ch channel kanal sensor taxel line element row track bande band electrode s "
@@ -57,7 +57,7 @@ _SCAN = _words(
 )
 _WHICH = _words(
     "signature kind end type which side seite level measurement meas signal phase channel ch output mux sel "
-    "select layer bank"
+    "select layer bank sens richtung sentido verso"
 )
 _BESIDE = _words(
     "no nr number nummer num id idx index nummero numero"
@@ -360,7 +360,7 @@ def _of_tokens(tokens: list[str], unit: str) -> Meaning:
             return Meaning("time", unit=unit if unit in TIME_UNITS else long)
         if core and all(w in _STRIP for w in core) and core != ["line"]:
             return Meaning("strip")
-        if core and all(w in _SCAN for w in core):
+        if core and all(w in _SCAN for w in core) and unit not in READING_UNITS:
             return Meaning("scan")
     volts = bool(named & _VOLTS)
     read = Meaning("reading", unit=unit if unit in READING_UNITS else "", volts=volts)

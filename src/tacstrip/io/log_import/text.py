@@ -356,6 +356,9 @@ def _separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) 
             for (i, line), m in zip(data, remarked, strict=True)
         ]
     split = [(i, _fields(line, separator)) for i, line in data]
+    if separator == _WIDE:  # names may stand nearer to each other than numbers
+        near = {i: line.split() for i, line in data}
+        split = [(i, row if len(row) == width or not _names_columns(near[i]) else near[i]) for i, row in split]
     split = [(i, row[:-1] if len(row) == width + 1 and not row[-1] else row) for i, row in split]
     marks = [
         n
