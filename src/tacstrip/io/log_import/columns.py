@@ -25,7 +25,7 @@ from tacstrip.io.log_import.names import (
     pair_of,
 )
 from tacstrip.io.log_import.questions import ROLES, Clues
-from tacstrip.io.log_import.statements import strips_order_said, told_channels
+from tacstrip.io.log_import.statements import in_blocks_said, order_said, strips_order_said, told_channels
 from tacstrip.io.log_import.table import CLOCK, ROW
 
 _ABOVE = 0.95  # of the strips: k_h is above k_l there, and so the names are clear
@@ -449,7 +449,11 @@ def _ask_for_block(clues: Clues, why: str, names: list[str], wide: int) -> list[
     ]  # with none between
     blocks = [f"{names[n]}..{names[n + wide - 1]}" for n in starts or range(len(names) - wide + 1)]
     shown = (blocks[-1], *blocks[:-1][:2])
-    clues.ask("readings", f"{why}: which {wide} are the readings of the strips in their order (else name all, with commas)?", *shown)
+    clues.ask(
+        "readings",
+        f"{why}: which {wide} are the readings of the strips in their order (else name all, with commas)?",
+        *shown,
+    )
     return names[-wide:]
 
 
@@ -504,11 +508,17 @@ def _of_block(clues: Clues, block: list[str], known: dict[str, Meaning], which: 
         answer = told
         end = "first" if told == "ascending" else "last"
         clues.because(f"the {end} strip's columns stand first, as the log says: {line.strip()[:80]!r}")
-    order = _order(clues, block, f"{block[0]} to {block[-1]} are two for each strip") if channels == 2 else ""
+    low_first = channels == 2 and order_said(clues.table.preamble) == "lh"
+    order = (
+        _order(clues, block, f"{block[0]} to {block[-1]} are two for each strip", low_first)
+        if channels == 2
+        else ""
+    )
     at = [
         (n, 0) if channels == 1 else divmod(n, 2) if order == "alternating" else (n % strips, n // strips)
         for n in range(len(block))
     ]
+    at = [(strip, 1 - end) for strip, end in at] if low_first else at
     if answer == "descending":
         at = [(strips - 1 - strip, end) for strip, end in at]
     return {
@@ -592,7 +602,9 @@ def _numeric(clues: Clues, name: str) -> bool:
     fields = [f for f in clues.table.column(name) if not says_nothing(f)]
     words = {f for f in fields if number_of(f, clues.table.decimal) is None}
     numbers = sum(f not in words for f in fields)
-    return 4 * numbers > len(fields) and len(words) < _FEW_WORDS and not any(re.search(r"\d", f) for f in words)
+    return (
+        4 * numbers > len(fields) and len(words) < _FEW_WORDS and not any(re.search(r"\d", f) for f in words)
+    )
 
 
 # Channels
@@ -694,7 +706,7 @@ def _numbered(clues: Clues, readings: dict[str, Meaning], numbers: list[int]) ->
     return {name: f"{strip}:{'hl'[end]}" for name, (strip, end) in zip(names, at, strict=True)}
 
 
-def _order(clues: Clues, names: list[str], said: str) -> str:
+def _order(clues: Clues, names: list[str], said: str, low_first: bool = False) -> str:
     """Return in which order columns of h and l stand: that in which k_h is the larger, if only one is."""
     if answer := clues.choice("order", ("alternating", "blocks")):
         return answer
@@ -717,7 +729,11 @@ def _order(clues: Clues, names: list[str], said: str) -> str:
     if told := next(filter(None, (told_channels(line, half) for line in clues.table.preamble)), ""):
         clues.because(f"columns are {told}, as the log says above them")
         return told
+    if in_blocks_said(clues.table.preamble):
+        clues.because("columns are blocks, as the log says above them")
+        return "blocks"
     ways = {"alternating": (table[:, 0::2], table[:, 1::2]), "blocks": (table[:, :half], table[:, half:])}
+    ways = {way: (b, a) if low_first else (a, b) for way, (a, b) in ways.items()}
     # Where one channel says that nothing touches, the other does.
     holds = [
         way

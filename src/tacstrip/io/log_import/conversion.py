@@ -43,7 +43,11 @@ _STEP = re.compile(
     re.IGNORECASE,
 )
 _PREFIXES = {"": 1.0, "m": 1e-3, "u": 1e-6, "\u00b5": 1e-6}
-_PLACE = re.compile(r"=\s*\w*\s*[*\u00b7]?\s*.*/.*\bL\b.*\bL\s*=\s*(\d+(?:[.,]\d+)?)\s*(mm|cm|m)\b", re.IGNORECASE)
+_PLACE = re.compile(  # as "y = U / Uref * L, L = 12 cm"
+    r"=\s*(?:\(?\s*[a-z]\w*\s*/\s*[a-z]\w*\s*\)?\s*[*\u00b7]?\s*L|L\s*[*\u00b7]\s*[a-z]\w*\s*/\s*[a-z]\w*)\b"
+    r"[^=\n]*?\bL\s*=\s*(\d+(?:[.,]\d+)?)\s*(mm|cm|m)\b",
+    re.IGNORECASE,
+)
 _EVERY = re.compile(
     r"\b(?:every|each|per|alle|jede|toutes les|cada|ogni)\s+(?:(\d+)\s*)?(s|sec\w*|sek\w*|seg\w*|min\w*|h|hours?)\b",
     re.IGNORECASE,
@@ -93,7 +97,7 @@ def factor(clues: Clues) -> float:
 
 
 def of_lengths(clues: Clues, columns: list[str]) -> float:
-    """Return by what readings that are places along the strip, y = U / Vref * L, are multiplied to be over Vref; else 1.
+    """Return by what readings that are places along the strip, U / Vref * L, are multiplied to be over Vref; else 1.
 
     That a column in centimetres is one, a line says with its formula, or the answer.
     """
@@ -108,15 +112,16 @@ def of_lengths(clues: Clues, columns: list[str]) -> float:
     if not answer and not (length and abs(said - length) < _NEAR * length):
         clues.ask(
             "unit",
-            f"{columns[0]!r} is in {unit}: is it the place along the strip, from the grounded end"
-            + (f" ({length:g} {unit} long, by the spec" + (f"; the log says {said:g})" if said else ")") if length else "")
-            + "? Else in which unit is it",
+            f"{columns[0]!r} is in {unit}: is it the place along the strip, from the grounded end? (By the spec it is "
+            f"{length:g} {unit} long{f', by the log {said:g}' if said else ''}.) Else in which unit is it",
             *([unit] if length else []), "V", "mV", "code",
         )  # fmt: skip
         return 1.0
     if not length:
         raise OptionError(f"--answer unit={unit}: name the SENSOR, whose length tells what that is of Vref")
-    clues.because(f"readings are places along the strip of {length:g} {unit}, so over that they are over Vref")
+    clues.because(
+        f"readings are places along the strip of {length:g} {unit}, so over that they are over Vref"
+    )
     clues.answers = clues.answers | {"unit": "fraction"}
     return 1.0 / length
 

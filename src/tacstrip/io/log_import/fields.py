@@ -17,7 +17,7 @@ NOTHING = frozenset(
     | {"untouched", ".", "x", "off", "idle", "free", "frei", "s/d", "s.d.", "k.a.", "n.d."}
     | {"released", "not touched", "no touch", "unber\u00fchrt", "kein kontakt", "ohne kontakt", "nicht ber\u00fchrt"}
     | {"sans contact", "pas de contact", "non touch\u00e9", "ouvert", "libre", "sin contacto", "abierto", "sem contato"}
-    | {"aberto", "livre", "senza contatto", "aperto", "libero", "geen contact", "brak", "no signal", "vac\u00edo", "vazio"}
+    | {"aberto", "livre", "senza contatto", "aperto", "libero", "geen contact", "no signal", "vac\u00edo", "vazio"}
     | {"-nan", "nc", "n.c.", "n.v.", "no contact", "[]", "{}", "offen", "leer", "vide", "\u2013", "\u2014"}
 )  # fmt: skip
 _NO_NUMBER = re.compile(r"(?:-?nan|n/?a|-[-.]*|\.nan)\s?(?:m?V|ms|s|%|LSB)?", re.IGNORECASE)
@@ -219,7 +219,7 @@ def clock_times(texts: list[str]) -> list[float | None]:
 
 
 def is_of_two(text: str) -> bool:
-    """Return whether a field is of two whole numbers and a colon, such as 14:05: hours and minutes, or minutes and s."""
+    """Return whether a field is of two whole numbers and a colon, as 14:05: hours and minutes, or minutes and s."""
     return re.fullmatch(r"\d{1,3}:[0-5]\d", text.strip()) is not None
 
 

@@ -16,7 +16,7 @@ _VALUE = (
     r"|(?:nan|n/?a|null|none|open|idle|ol|x)\b|-{1,3}(?![\d.])|\*{1,3})"
 )
 _BETWEEN = r"(?:\s*[/,;|]\s*|\s+)"
-_LABEL = r"(?<![\w.:])(?:[A-Za-z]{1,8}[\s_]?)?#?(?P<strip>\d{1,3})"
+_LABEL = r"(?<![\w.:])(?:(?P<word>[A-Za-z]{1,8})[\s_]?)?#?(?P<strip>\d{1,3})"
 # Values between brackets, or behind a colon or an equals sign.
 _GROUP = re.compile(
     rf"{_LABEL}(?:\s*[:=]?\s*[(\[{{<]\s*(?P<inner>{_VALUE}(?:{_BETWEEN}{_VALUE})?)\s*[)\]}}>]"
@@ -26,7 +26,7 @@ _GROUP = re.compile(
 # The strip's number within the brackets, too.
 _WITHIN = re.compile(
     rf"[(\[{{<]\s*#?(?P<strip>\d{{1,3}}){_BETWEEN.replace('[/,;|]', '[/,;|:]')}"
-    rf"(?P<inner>{_VALUE}{_BETWEEN}{_VALUE})\s*[)\]}}>](?P<bare>)",
+    rf"(?P<inner>{_VALUE}{_BETWEEN}{_VALUE})\s*[)\]}}>](?P<bare>)(?P<word>)",
     re.IGNORECASE,
 )
 _SPLIT = re.compile(_VALUE, re.IGNORECASE)
@@ -82,6 +82,8 @@ def _parsed(line: str) -> tuple[list[Item], list[tuple[str, list[str]]]] | None:
         return None
     if not re.fullmatch(_NO_GROUP, line[groups[-1].end() :]):
         return None
+    if any(m["word"] and meaning(m["word"]).role != "strip" for m in groups):
+        return None  # else it names a channel, or what is no strip's
     strips = [int(m["strip"]) for m in groups]
     if len({*strips}) < len(strips):
         return None
@@ -94,7 +96,11 @@ def _parsed(line: str) -> tuple[list[Item], list[tuple[str, list[str]]]] | None:
 
 def _bare(text: str) -> list[Item]:
     """Return a number that stands alone before the groups, as a time."""
-    return [Item("time", (text.strip(),), told=False)] if re.fullmatch(r"\s*\d[\d.:]*\s?\w{0,2}\s*", text) else []
+    return (
+        [Item("time", (text.strip(),), told=False)]
+        if re.fullmatch(r"\s*\d[\d.:]*\s?\w{0,2}\s*", text)
+        else []
+    )
 
 
 def _is_head(found: list[Item], names: tuple[str, ...]) -> bool:

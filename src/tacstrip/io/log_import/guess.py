@@ -137,7 +137,7 @@ def _later(
     questions: tuple[Question, ...], table: Table, sensor: Sensor | None, answers: dict[str, str],
     stated: frozenset[str] | None,
 ) -> list[Question]:  # fmt: skip
-    """Return what will be asked whatever is answered, by their first choices or the last, so that one round is enough."""
+    """Return what will be asked whatever is answered, so that one round is enough."""
     first, last = (_asked_next(questions, pick, table, sensor, answers, stated) for pick in (0, -1))
     return [q for q in first if q.key in {other.key for other in last}]
 
@@ -216,7 +216,9 @@ def _assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
         raise Unanswered(*clues.questions) from None
     mapping, rough = _rough(clues, found)
     mapping = quantities.settled_time(clues, mapping, rough)
-    mapping = replace(mapping, scale=conversion.factor(clues) * conversion.of_lengths(clues, [*mapping.columns]))
+    mapping = replace(
+        mapping, scale=conversion.factor(clues) * conversion.of_lengths(clues, [*mapping.columns])
+    )
     mapping = replace(mapping, untouched=(*mapping.untouched, *quantities.numbers_for_nothing(clues, rough)))
     loose = replace(mapping, time_unit=mapping.time_unit or "s", restart="continue", missing="untouched")
     rough = scans(clues.table, loose)

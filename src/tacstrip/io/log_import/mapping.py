@@ -29,7 +29,8 @@ class ColumnMapping:
     unit
         Of the readings: "V", "mV", "uV", "code", "fraction", "percent" or "permille" (of Vref).
     time, time_unit, rate_hz
-        Column of the time and its unit ("clock" for times of day and dates, "hh:mm" or "mm:ss" for 14:05), or scans per second where there is none.
+        Column of the time and its unit ("clock" for times of day and dates, "hh:mm" or "mm:ss" for 14:05), or scans
+        per second where there is none.
     scan, strip, which
         Columns of the scan's number, the strip's, and of the channel's name where a line holds readings of one of them.
     strip_base

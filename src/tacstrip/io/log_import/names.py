@@ -16,7 +16,9 @@ def _words(text: str) -> frozenset[str]:
 
 
 _QUANTITY = ("", "v", "u", "k", "code", "adc", "raw", "val", "volt", "s", "sig")
-_HIGH = _words("high hoch haut haute alto alta hoog wysoki wysokie y\u00fcksek yuksek") | {q + e for q in _QUANTITY for e in ("h", "hi", "high")}
+_HIGH = _words("high hoch haut haute alto alta hoog wysoki wysokie y\u00fcksek yuksek") | {
+    q + e for q in _QUANTITY for e in ("h", "hi", "high")
+}
 _LOW = _words("low tief niedrig bas basse bassa basso bajo baja baixo baixa laag niski niskie dusuk") | {
     q + e for q in _QUANTITY for e in ("l", "lo", "low")
 }
@@ -42,13 +44,13 @@ _VALUE = _VOLTS | _words(
 )
 _STRIP = _words(
     "strip strips stripe streifen ch channel kanal sensor taxel line element row track bande band electrode s "
-    "col column pin tira striscia fascia stripid stripno sid lane zone chan strap elektrode canal canale fita faixa banda "
-    "strook pasek pasmo remsa listra pista kanaal serit bana kanava banden ruban strisce tiras fitas"
+    "col column pin tira striscia fascia stripid stripno sid lane zone chan strap elektrode canal canale fita faixa "
+    "banda strook pasek pasmo remsa listra pista kanaal serit bana kanava banden ruban strisce tiras fitas"
 )
 _TIME = _words(
     "t time times zeit zeitstempel tempo heure hora ora timestamp millis micros elapsed seconds sec secs uhrzeit "
     "datetime date datum temps tiempo clock stamp ts timems timeus ms us msec msecs usec usecs nsecs tick tijd tid "
-    "czas unix epoch utc cas zaman instante horodatage aika tijdstip tiempos"
+    "czas unix epoch utc cas zaman instante horodatage zeitpunkt messzeit laufzeit moment aika tijdstip tiempos"
 )
 _SCAN = _words(
     "scan frame sample samples n nr no index idx i messung cycle seq sequence scanno messnr count sweep id frameno "
@@ -89,7 +91,8 @@ OTHER_SCRIPT = re.compile("|".join(sorted(_TRANSLATED, key=len, reverse=True)))
 UNITS = {
     word: unit
     for unit, alike in {
-        "s": "s sec secs seconds second sekunden sekunde seg segundos secondes secondi seconden sek", "ms": "ms msec msecs millis milliseconds",
+        "s": "s sec secs seconds second sekunden sekunde seg segundos secondes secondi seconden sek",
+        "ms": "ms msec msecs millis milliseconds",
         "us": "us µs usec usecs micros microseconds",
         "min": "min minutes", "ns": "ns nsec nsecs nanoseconds", "V": "v volt volts vdc dcv",
         "mV": "mv millivolt millivolts mvdc",

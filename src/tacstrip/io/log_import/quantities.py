@@ -32,7 +32,7 @@ from tacstrip.io.log_import.statements import untouched_said
 from tacstrip.io.log_import.table import CLOCK, ROW
 
 _RATES_HZ = (0.12, 5000.0)  # scans per second that a log may have
-_POSSIBLE_S = (2e-5, 3600.0)  # from scan to scan
+_POSSIBLE_S = (1.5e-4, 3600.0)  # from scan to scan
 _SENTINELS = (999.0, 9999.0, 99999.0, 32767.0, 65535.0, 99.9, 99.99, 999.9, 999.99)
 _NEAR_0 = 0.01  # of the largest reading; and of the most that there can be
 _REST = 0.05  # of the largest reading: the most that the noise of open inputs reaches
@@ -76,8 +76,12 @@ _UNIT_TOLD = re.compile(
 )
 _OF_OTHERS = re.compile(r"batter|supply|vbat|temp|v_?ref|aref|vcc|vdd|\btime\b|\bbaud\b", re.IGNORECASE)
 _OVER_VREF = re.compile(r"=\s*\w+\s*\.?/\s*V_?ref\b", re.IGNORECASE)  # as in "Vh = raw/Vref"
-_HOURS_SAID = re.compile(r"\bh{1,2}[ :.]?m{1,2}\b(?![ :.]?s)|\btimes? of day\b|\buhrzeit\b|\bhours? ?(?:and|:) ?min", re.IGNORECASE)
-_MINUTES_SAID = re.compile(r"\bm{1,2}[ :.]s{1,2}\b|\bmin\w* ?(?:and|:) ?s(?:ec\w*)?\b|\bstop ?watch\b", re.IGNORECASE)
+_HOURS_SAID = re.compile(
+    r"\bh{1,2}[ :.]?m{1,2}\b(?![ :.]?s)|\btimes? of day\b|\buhrzeit\b|\bhours? ?(?:and|:) ?min", re.IGNORECASE
+)
+_MINUTES_SAID = re.compile(
+    r"(?<![hH][:.])\bm{1,2}[ :.]s{1,2}\b|\bmin\w* ?(?:and|:) ?s(?:ec\w*)?\b|\bstop ?watch\b", re.IGNORECASE
+)
 _OF_DAY_SAID = re.compile(r"\b(?:hora|heure|ora|uhr|godzina|klokken)\b", re.IGNORECASE)
 _LAST_HOUR = 23
 # As National Instruments' programs write it, in seconds.

@@ -150,7 +150,9 @@ def _times(table: Table, mapping: ColumnMapping) -> FloatArray | None:
     values = raw_times(table, mapping)
     falls = np.diff(values, prepend=values[0])
     if mapping.time_unit in CLOCKS:
-        if mapping.time_unit != "hh:mm" and not any(text.count(":") > 1 for text in table.column(mapping.time)):
+        if mapping.time_unit != "hh:mm" and not any(
+            text.count(":") > 1 for text in table.column(mapping.time)
+        ):
             values = values + 2.0 * _HALF_HOUR_S * np.cumsum(falls < -_HALF_HOUR_S)
         days = np.cumsum((falls < -0.5 * _DAY_S) & (falls > -_DAY_S))  # midnight
         return np.asarray(np.round(values - values[0] + days * _DAY_S, 6))  # seconds since 1970 hold no more

@@ -11,7 +11,15 @@ import numpy as np
 
 from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.fields import array_of, clock_seconds, is_date, number_of, quantity, says_nothing
-from tacstrip.io.log_import.names import CHANNELS, IN_VOLTS, READING_UNITS, TIME_UNITS, UNITS, meaning, meanings
+from tacstrip.io.log_import.names import (
+    CHANNELS,
+    IN_VOLTS,
+    READING_UNITS,
+    TIME_UNITS,
+    UNITS,
+    meaning,
+    meanings,
+)
 from tacstrip.io.log_import.table import ROW, Table, flattened
 
 _ARRAYS = 0.5  # of a column's fields that say something: then it is one of arrays
@@ -22,7 +30,8 @@ _UNITS_COLUMN = re.compile(
 _FEW_KEYS, _SHOWN = 3, 5  # names of strips in a column; lines that are quoted
 _FEW_BLANKS = 0.25  # of the rows: where more have no time, cells are merged
 _CLOCK_PARTS = (
-    r"hours?|hh|stunden?|heures?|horas?|ore?", r"min(?:ute[ns]?|utos?|uti)?|mm", r"s(?:ec(?:ond[ieos]*)?|ek(?:unden?)?)?|ss",
+    r"hours?|hh|stunden?|heures?|horas?|ore?", r"min(?:ute[ns]?|utos?|uti)?|mm",
+    r"s(?:ec(?:ond[ieos]*)?|ek(?:unden?)?)?|ss",
     r"ms|millis(?:econds?)?|msec",
 )  # fmt: skip
 _CORNER = re.compile(r"(\w+)\s*[\\/|]\s*(t|time|zeit)\s*(?:[\[(]?(\w+)[\])]?)?", re.I)
@@ -36,8 +45,9 @@ def in_normal_form(table: Table) -> Table:
     two, merged cells are filled, a column that only counts the rows is left out, and columns of scans become rows.
     """
     steps: tuple[Callable[[Table], Table], ...] = (
-        _without_empty, _of_several_scans, _of_clock_parts, _of_day_and_clock, _of_one_clock, _of_two_numbers, _transposed, _spread,
-        _without_units, _of_strips_only, _of_unit_column, _in_one_unit, _upright, _split_keys, _filled, _without_index,
+        _without_empty, _of_several_scans, _of_clock_parts, _of_day_and_clock, _of_one_clock, _of_two_numbers,
+        _transposed, _spread, _without_units, _of_strips_only, _of_unit_column, _in_one_unit, _upright, _split_keys,
+        _filled, _without_index,
     )  # fmt: skip
     for step in steps:
         table = step(table) if table.rows else table
@@ -105,7 +115,9 @@ def _of_clock_parts(table: Table) -> Table:
     fields = [table.column(n) for n in names]
     if not all(re.fullmatch(r"\d{1,2}", f) for column in fields[:2] for f in column):
         return table
-    if not all(re.fullmatch(r"\d{1,2}([.,]\d+)?", f) for f in fields[2]) or not all(f.isdigit() for f in sum(fields[3:], [])):
+    if not all(re.fullmatch(r"\d{1,2}([.,]\d+)?", f) for f in fields[2]) or not all(
+        f.isdigit() for column in fields[3:] for f in column
+    ):
         return table
     clock = [
         f"{h}:{m:0>2}:{s if s[1:2].isdigit() else '0' + s}{'.' + rest[0].zfill(3) if rest else ''}"
@@ -267,11 +279,17 @@ def _of_strips_only(table: Table) -> Table:
         others = {f for f, m in kinds.items() if m.strip is None}
         if not others or len(kinds) - len(others) < _FEW_KEYS or meaning(name).role in ("time", "scan"):
             continue
-        words = all(re.fullmatch(r"[^\W\d]{2,}(?:[ _.-][^\W\d]+)*", f) and not says_nothing(f) for f in others)
+        words = all(
+            re.fullmatch(r"[^\W\d]{2,}(?:[ _.-][^\W\d]+)*", f) and not says_nothing(f) for f in others
+        )
         out = [n for n, f in enumerate(fields) if f in others]
         strips = all(m.role == "reading" for f, m in kinds.items() if f not in others)
         worded = strips and not any(number_of(f) is not None for f in kinds)
-        if not (worded and words) or any(kinds[f].channel in CHANNELS for f in others) or 2 * len(out) > len(fields):
+        if (
+            not (worded and words)
+            or any(kinds[f].channel in CHANNELS for f in others)
+            or 2 * len(out) > len(fields)
+        ):
             continue
         kept = [n for n in range(len(fields)) if fields[n] not in others]
         said = f"line(s) {', '.join(str(table.lines[n]) for n in out[:_SHOWN])}{', ...' if len(out) > _SHOWN else ''}"

@@ -1,4 +1,4 @@
-"""What the lines around a log's readings say of these: order of columns and of ends, first strip, signs of no contact."""
+"""What the lines around a log's readings say of these: their order, the first strip, signs of no contact."""
 
 from __future__ import annotations
 
@@ -8,9 +8,17 @@ from collections.abc import Sequence
 
 _HIGH = r"\b(?:high|hi|upper|top|v?_?h)\b"
 _LOW = r"\b(?:low|lo|lower|bottom|v?_?l)\b"
-_ENDS = re.compile(rf"({_HIGH})|({_LOW})", re.IGNORECASE)
+_AND = r"(?:[\s,;/|&+-]|\b(?:then|all|and|und|the|ends?|values?|dann|alle|of)\b)+"
+_PAIR = re.compile(rf"({_HIGH}{_AND}{_LOW})|({_LOW}{_AND}{_HIGH})", re.IGNORECASE)
+_OF_COLUMNS = re.compile(
+    r"\b(?:strips?|columns?|channels?|order|each|per|then|streifen|spalten?|volts?|m?V|scan|time|t|ms|s|raw|codes?)\b",
+    re.I,
+)
+_FEW = 3  # words of a line that says nothing else
 _TO = r"\s*(?:\.\.+|\u2026|[-\u2013]|\b(?:up )?to\b|\bthrough\b|\bbis\b|\b\u00e0\b|\bhasta\b|\bat\u00e9\b)\s*"
-_RANGE = re.compile(rf"\b(?:[A-Za-z_]*[A-Za-z]\s?)?(\d+){_TO}(?:[A-Za-z_]*[A-Za-z]\s?)?(\d+)\b", re.IGNORECASE)
+_RANGE = re.compile(
+    rf"\b(?:[A-Za-z_]*[A-Za-z]\s?)?(\d+){_TO}(?:[A-Za-z_]*[A-Za-z]\s?)?(\d+)\b", re.IGNORECASE
+)
 _ORDER_SAID = re.compile(
     r"(?=.*\b(?:strips?|columns?|channels?|streifen|spalten)\b)"
     r".*\b(?:first|last|then|order|reversed?|descending|backwards|zuerst|zuletzt|dann|absteigend)\b",
@@ -27,14 +35,18 @@ _BASE = re.compile(
     re.IGNORECASE,
 )
 _NO_CONTACT = (
-    r"(?:un-?touched|not touched|no (?:touch|contact)|without contact|not pressed|released|open|idle|nothing touche[sd]"
+    r"(?:un-?touched|not touched|no (?:touch|contact)|without contact|not pressed|released|open|nothing touche[sd]"
     r"|unber\u00fchrt|nicht ber\u00fchrt|(?:kein|ohne) kontakt|offen|sans contact|non touch\u00e9e?s?|sin contacto"
     r"|sem contato|senza contatto|aperto|ouverte?)"
 )
-_SIGN = r"(?P<{}>[-+]?(?:0x[\dA-Fa-f]+|\d+(?:\.\d+)?)(?![\w.]*\d)|\b[A-Z]{{2,8}}\b|['\"][^'\"]{{1,12}}['\"]|-{{1,3}}|\*+)"
+_SIGN = (
+    r"(?P<{}>[-+]?(?:0x[\dA-Fa-f]+|\d+(?:\.\d+)?)(?![\w.]*\d)|\b[A-Z]{{2,8}}\b|['\"][^'\"]{{1,12}}['\"]"
+    r"|-{{1,3}}|\*+)"
+)
 _MEANS = r"\s*(?:=+>?|:|->|\bmeans?\b|\bis\b|\bare\b|\bstands? for\b|\bfor\b|\bwhere\b|\bwhen\b|\bif\b)\s*(?:strips? )?"
 _UNTOUCHED = re.compile(
-    rf"(?<![\w.]){_SIGN.format('a')}{_MEANS}(?:(?:is|are|the|a|strip|input|nothing) )*{_NO_CONTACT}\b"
+    rf"(?<![\w.])(?<![a-z] )(?<![a-z] #){_SIGN.format('a')}{_MEANS}(?:(?:is|are|the|a|strip|input) )*"
+    rf"{_NO_CONTACT}\b"
     rf"|\b{_NO_CONTACT}(?: (?:strips?|inputs?|channels?|pins?))?\s*(?:=+>?|:|->|\bis\b|\bare\b|\bgives?\b|\breads?\b"
     rf"|\bas\b|\bmarked(?: as| with)?\b)\s*{_SIGN.format('b')}",
     re.IGNORECASE,
@@ -49,10 +61,27 @@ def order_said(lines: Sequence[str]) -> str:
     --------
     >>> order_said(["ADC 10 bit, order is high/low"]), order_said(["lower, upper"]), order_said(["higher is better"])
     ('hl', 'lh', '')
+    >>> order_said(["filter: low, high cut at 5 Hz"])
+    ''
     """
-    found = {"".join("h" if m[1] else "l" for m in _ENDS.finditer(line)) for line in lines}
-    said = {"hl" if ends.startswith("hl") else "lh" for ends in found if re.fullmatch("(?:hl)+|(?:lh)+", ends)}
+    of_columns = [
+        line for line in lines if _OF_COLUMNS.search(line) or len(re.findall(r"[^\W\d]+", line)) <= _FEW
+    ]
+    said = {"hl" if m[1] else "lh" for line in of_columns for m in _PAIR.finditer(line)}
     return said.pop() if len(said) == 1 else ""
+
+
+def in_blocks_said(lines: Sequence[str]) -> bool:
+    """Return whether a line says that all values of one end stand before all of the other.
+
+    Examples
+    --------
+    >>> in_blocks_said(["time in s, then all low, then all high"]), in_blocks_said(["h, l of each strip"])
+    (True, False)
+    """
+    return any(
+        re.search(r"\b(?:all|alle)\b.{1,20}\b(?:then|dann)\b.{0,9}\b(?:all|alle)\b", line) for line in lines
+    )
 
 
 def untouched_said(lines: Sequence[str]) -> tuple[str, ...]:
@@ -62,10 +91,14 @@ def untouched_said(lines: Sequence[str]) -> tuple[str, ...]:
     --------
     >>> untouched_said(["pull-up on every strip: 4095 = not touched"]), untouched_said(["raw ADC, -1 where open"])
     (('4095',), ('-1',))
+    >>> untouched_said(["strip 7: open", "touched: 5"])
+    ()
     >>> untouched_said(["flag: 1 = touched, 0 = not touched"]), untouched_said(["untouched strips rest near 0 V"])
     ((), ())
     """
-    found = [m["a"] or m["b"] for line in lines if not _TOUCHED.search(line) for m in _UNTOUCHED.finditer(line)]
+    found = [
+        m["a"] or m["b"] for line in lines if not _TOUCHED.search(line) for m in _UNTOUCHED.finditer(line)
+    ]
     return tuple(dict.fromkeys(sign.strip("'\"") for sign in found))
 
 
@@ -86,8 +119,10 @@ def strips_order_said(lines: Sequence[str], strips: int) -> tuple[str, str]:
 
     Examples
     --------
-    >>> strips_order_said(["order: strip 0 ... strip 9"], 10)[0], strips_order_said(["strip 9 first, strip 0 last"], 10)[0]
-    ('ascending', 'descending')
+    >>> strips_order_said(["order: strip 0 ... strip 9"], 10)[0]
+    'ascending'
+    >>> strips_order_said(["strip 9 first, strip 0 last"], 10)[0]
+    'descending'
     >>> strips_order_said(["ms, then high and low of strips 0 to 7, raw ADC (0..1023), -1 where open"], 8)[0]
     'ascending'
     >>> strips_order_said(["columns: strip 0 is last, strip 9 first"], 10)[0], strips_order_said(["strips 9..0"], 10)[0]

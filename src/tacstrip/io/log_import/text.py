@@ -45,7 +45,9 @@ _STAMPED = re.compile(
     rf"\s*\[?{_DAY_NAMED}(?P<stamp>{STAMP})(?: \d{{4}}(?=\]))?\]?"
     r"(?!\s*[AaPp]\.?[Mm]\b)\s*(?:->|=>|>|\||:|\t|\s)\s*(?=\S)"
 )
-_LEVELS = r"[\[(]?(?:TRACE|DEBUG|DBG|VERBOSE|INFO|INF|NOTICE|LOG|WARN|WARNING|WRN|ERROR|ERR|FATAL|CRITICAL)[\])]?"
+_LEVELS = (
+    r"[\[(]?(?:TRACE|DEBUG|DBG|VERBOSE|INFO|INF|NOTICE|LOG|WARN|WARNING|WRN|ERROR|ERR|FATAL|CRITICAL)[\])]?"
+)
 _LEVEL = re.compile(rf"{_LEVELS}[\s:|-]\s*")
 _LEVEL_FIRST = re.compile(rf"\A\s*{_LEVELS}\s*[:|-]?\s*(?=[\[(\d])")  # before a time, as ROS writes
 _NODE = re.compile(r"\[[A-Za-z][\w./-]*\]:?\s+")
@@ -70,7 +72,9 @@ _REMARKED = re.compile(
     r"(?<!\s)(?:\s+[(\[][^()\[\]]{9,}[)\]]\s*|\s{2,}\S.*|\s+(?:--|#|//)\s.*)\Z"
 )  # behind names in a comment
 _ANNOUNCED = re.compile(r"\A(?:columns?|fields?|format|header|names?|cols?|spalten)\s*[:=]\s*", re.IGNORECASE)
-_RANGE = re.compile(r"\b([A-Za-z_]+) ?(\d+)\s*(?:\.\.+|\u2026|-|to)\s*([A-Za-z_]*) ?(\d+)\b")  # such as "A0..A3"
+_RANGE = re.compile(
+    r"\b([A-Za-z_]+) ?(\d+)\s*(?:\.\.+|\u2026|-|to)\s*([A-Za-z_]*) ?(\d+)\b"
+)  # such as "A0..A3"
 _SAID_OF = re.compile(r"\s+(?:=|are|:)\s.*\Z")  # what names are
 _MOST_NAMES = 1000
 _SHELL = re.compile(
@@ -98,7 +102,9 @@ _FEW_LINES = 4  # of fewer, the length of the last number tells nothing
 _FEW_BLOCKS = 2
 _ENCODINGS = ("gb18030", "big5", "shift_jis", "euc_kr", "cp1251", "koi8-r")
 _WORDS_KNOWN = 2  # of those that logs have: fewer may be there by chance
-_WORDED = re.compile(r"[^\dA-Za-z]*[A-Za-z][^\t;|]*(?<!,)\Z")  # and without fields
+_WORDED = re.compile(
+    r"[^\dA-Za-z]*[A-Za-z][^\t;|]*(?<!,)\Z|\s*([=*~<>-])\1+\s*\w[^\t;|]*\1{2,}\s*\Z"
+)  # and without fields
 _THOUSANDS = re.compile(r"(?<=\d)[\u2009\u202f\xa0](?=\d{3}(?!\d))")
 _BOUND = re.compile(r"(\d)\s?(?:\u00b1|\+/-)\s?\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?(?!\d|\s?(?:\u00b1|\+/-))")
 _COLOUR = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")  # of a terminal
@@ -168,7 +174,8 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     every = [(i, line) for i, line in enumerate(re.split(r"\r\n|\r\r\n|\n|\r", text), 1)]
     every = one_page(unwrapped([(i, line) for i, line in every if i not in strays]))
     lines = [(i, line) for i, line in every if line.strip() and not _RULE.fullmatch(line)]
-    lines = [(i, line) for i, line in lines if not _SHELL.fullmatch(line)]
+    around = {i for i, line in lines if _SHELL.fullmatch(line)}
+    lines = [(i, line) for i, line in lines if i not in around or 2 * len(around) > len(lines)]
     if not lines:
         raise ReadingError(f"{path}: the file is empty")
     lines, stamps = _without_stamps(lines)
@@ -288,6 +295,10 @@ def _without_stamps(lines: list[tuple[int, str]]) -> tuple[list[tuple[int, str]]
     if any(m is None and _as_wide(line, lines[-1][1]) for (_, line), m in zip(lines, found, strict=True)):
         return levelled, {}  # a table, whose names count the time, too
     stamps = {i: m["stamp"].strip() for (i, _), m in zip(lines, found, strict=True) if m}
+    counts = [number_of(stamp) for stamp in stamps.values()]
+    falls = sum(b < a for a, b in itertools.pairwise(counts) if a is not None and b is not None)
+    if falls > (1.0 - STEADY) * len(counts) or (falls and max(c or 0.0 for c in counts) < len(counts)):
+        return levelled, {}  # numbers of strips
     rest = [(i, line[m.end() :] if m else line) for (i, line), m in zip(lines, found, strict=True)]
     for prefix in (_HOST, _LEVEL, _NODE):
         before = [prefix.match(line) for _, line in rest]
@@ -358,7 +369,9 @@ def _separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) 
     split = [(i, _fields(line, separator)) for i, line in data]
     if separator == _WIDE:  # names may stand nearer to each other than numbers
         near = {i: line.split() for i, line in data}
-        split = [(i, row if len(row) == width or not _names_columns(near[i]) else near[i]) for i, row in split]
+        split = [
+            (i, row if len(row) == width or not _names_columns(near[i]) else near[i]) for i, row in split
+        ]
     split = [(i, row[:-1] if len(row) == width + 1 and not row[-1] else row) for i, row in split]
     marks = [
         n
@@ -389,6 +402,12 @@ def _separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) 
         "decimal commas" if decimal == "," else "",
         trimmed,
     )
+    ends = min((len(row) - _filled(row) for _, row in split if len(row) == width), default=0)
+    if ends and any(
+        len(_fields(line.lstrip("#%/! \t"), separator)) == width - ends > 1 for _, line in comments
+    ):
+        split = [(i, row[:-ends] if len(row) == width else row) for i, row in split]
+        width -= ends
     named = [(i, _fields(_names_said(line, width, separator), separator)) for i, line in comments]
     if separator == _WIDE:  # names may stand nearer to each other than numbers
         named = [(i, row if len(row) == width else " ".join(row).split()) for i, row in named]
@@ -430,7 +449,11 @@ def _names_said(line: str, width: int, separator: str) -> str:
             return shorter
         listed = _SAID_OF.sub("", _ANNOUNCED.sub("", _REMARKED.sub("", shorter)))
         parts = [p.strip() for p in re.split(r"[,;]", _RANGE.sub(_in_full, listed))]
-        if len(parts) == width > _FEW_BLOCKS and all(parts) and (separator not in ",;" or _RANGE.search(listed)):
+        if (
+            len(parts) == width > _FEW_BLOCKS
+            and all(parts)
+            and (separator not in ",;" or _RANGE.search(listed))
+        ):
             return (separator or " ").join(p.replace(" ", "_") for p in parts)
     return "" if len(_fields(bare, separator)) == width else bare
 
@@ -606,7 +629,7 @@ def _in_decimals(split: list[tuple[int, list[str]]], width: int) -> list[tuple[i
         even = [_rises_evenly([int(row[n], base) for row in body]) for base in (10, 16)]
         if even == [True, True]:
             raise ReadingError(
-                f"{body[0][n]!r}: a hexadecimal number, as others on its line, or a decimal one? Write 0x before the first"
+                f"{body[0][n]!r}: a hexadecimal number, as others on its line, or a decimal one? Write 0x before those"
             )
         digits = [d for d in digits if d != n] if even[0] else digits
     for _, row in split:
@@ -689,11 +712,18 @@ def _without_columns_of_blanks(data: list[tuple[int, str]]) -> list[tuple[int, s
     if len(pieces) < max(counts) or max(counts) < 2:
         return data
     rows = [all(map(_is_bare, line.split())) for _, line in data]
-    full = [line for (_, line), row in zip(data, rows, strict=True) if row and len(line.split()) >= len(pieces)]
+    full = [
+        line for (_, line), row in zip(data, rows, strict=True) if row and len(line.split()) >= len(pieces)
+    ]
     if any(len(line[n - 1 : n + 1].strip()) == 2 for line in full for n in ends):  # a boundary within a word
         return data
     cut = [
-        (i, [line.expandtabs()[a:b].strip() for a, b in pieces] if row or len(line.split()) != len(pieces) else line.split())
+        (
+            i,
+            [line.expandtabs()[a:b].strip() for a, b in pieces]
+            if row or len(line.split()) != len(pieces)
+            else line.split(),
+        )
         for (i, line), row in zip(data, rows, strict=True)
     ]
     if any(piece and says_nothing(piece) for _, row in cut for piece in row):  # then a blank one is lost
