@@ -55,7 +55,7 @@ def of_groups(lines: Lines) -> Lines:
         return lines
     if not several and not all(_TIGHT.search(line) for i, line in lines if i in found):
         return lines
-    head = next(iter(heads))
+    head = _named([line for i, line in lines if i < min(found)], next(iter(heads)))
     counted = several and not {meaning(name).role for name in head} & {"scan", "time"}
     order = order_said([line for i, line in lines if i not in found])
     ends = ["value"] if 1 in widths else list(order or "ab")  # which of the two is not known
@@ -66,7 +66,9 @@ def of_groups(lines: Lines) -> Lines:
         if i == min(found):
             made.append((i, "\t".join([*["scan"] * counted, *head, "strip", *ends])))
         items_of, groups = found.get(i, ([], []))
-        if not groups and head and _is_head(items(line), head):  # a scan in which nothing is touched
+        if (
+            i > min(found) and not groups and head and _is_head(items(line), head)
+        ):  # a scan in which nothing is touched
             items_of, groups = items(line), [(first, [""] * len(ends))]
         scan += bool(groups)
         before = [*[str(scan)] * counted, *(item.values[0] for item in items_of)]
@@ -95,12 +97,19 @@ def _parsed(line: str) -> tuple[list[Item], list[tuple[str, list[str]]]] | None:
 
 
 def _bare(text: str) -> list[Item]:
-    """Return a number that stands alone before the groups, as a time."""
-    return (
-        [Item("time", (text.strip(),), told=False)]
-        if re.fullmatch(r"\s*\d[\d.:]*\s?\w{0,2}\s*", text)
-        else []
-    )
+    """Return numbers that stand alone before the groups: one as a time, several without names."""
+    parts = [part.strip() for part in re.split(r"[;,|\t]", text)]
+    if not all(re.fullmatch(r"\d[\d.:]*\s?\w{0,2}", part) for part in parts):
+        return []
+    names = ["time"] if len(parts) == 1 else [f"column {n}" for n in range(1, len(parts) + 1)]
+    return [Item(name, (part,), told=False) for name, part in zip(names, parts, strict=True)]
+
+
+def _named(above: list[str], head: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the names of what stands before the groups, from a line of names above, if they have none."""
+    split = [[part.strip() for part in re.split(r"[;,|\t]", line.lstrip("#%/! "))] for line in above]
+    fits = [r for r in split if len(r) == len(head) + 1 and all(re.match(r"[^\W\d]", name) for name in r)]
+    return tuple(fits[-1][: len(head)]) if fits and head[:1] == ("column 1",) else head
 
 
 def _is_head(found: list[Item], names: tuple[str, ...]) -> bool:

@@ -30,6 +30,7 @@ _STRIP_THEN_NAME = re.compile(
     r"\b([A-Za-z]+\d+):\s*(?=[A-Za-z]\w*(?:\s*[=:]|\s+[-+\d.]))"
 )  # as "S0:" in "S0:H=512 L=300"
 _CALLED = re.compile(r"\A\s*[A-Za-z_]\w*\((.*=.*)\)\s*\Z")  # as a record that a program prints
+_END_WORDS = frozenset({"end", "side", "ende", "seite", "edge"})  # behind the word that says which
 _SAMPLE = 200  # lines that tell whether all are of a kind
 _UNIT = "|".join(sorted((re.escape(u) for u in UNITS if len(u) < 8), key=len, reverse=True))
 _FOREIGN = re.compile(  # a unit that is none of readings, behind a value
@@ -134,7 +135,8 @@ def items(line: str) -> list[Item]:
                 timed = "time" if _WITH_TIME.search(text) and len(words[-1]) < 4 else ""  # as in "at 20 ms"
                 if _is_strip(words[-1]) and not timed:  # as in "S1 512/300"
                     found.append(Item("strip", (str(last_word.strip),), told=False))
-                close(words[-1] if implied else timed, told=False)
+                ends = len(words) > 1 and words[-1].casefold() in _END_WORDS and meaning(words[-2]).channel
+                close(" ".join(words[-2:]) if ends else words[-1] if implied else timed, told=False)
             elif not open_name:
                 behind = bool(found) and meaning(found[-1].name).role in _LABELS  # as in "Scan 3 @ 12:00:01"
                 is_time = _WITH_TIME.search(text) or (behind and _OF_DAY.fullmatch(text))

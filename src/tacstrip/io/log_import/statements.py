@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 _HIGH = r"\b(?:high|hi|upper|top|v?_?h)\b"
 _LOW = r"\b(?:low|lo|lower|bottom|v?_?l)\b"
-_AND = r"(?:[\s,;/|&+-]|\b(?:then|all|and|und|the|ends?|values?|dann|alle|of)\b)+"
+_AND = r"(?:[\s,;/|&+-]|\b(?:then|all|and|und|the|ends?|values?|dann|alle|of|first|zuerst)\b)+"
 _PAIR = re.compile(rf"({_HIGH}{_AND}{_LOW})|({_LOW}{_AND}{_HIGH})", re.IGNORECASE)
 _OF_COLUMNS = re.compile(
     r"\b(?:strips?|columns?|channels?|order|each|per|then|streifen|spalten?|volts?|m?V|scan|time|t|ms|s|raw|codes?)\b",
@@ -128,6 +128,9 @@ def strips_order_said(lines: Sequence[str], strips: int) -> tuple[str, str]:
     >>> strips_order_said(["columns: strip 0 is last, strip 9 first"], 10)[0], strips_order_said(["strips 9..0"], 10)[0]
     ('?', 'descending')
     """
+    clauses = [clause for line in lines for clause in re.split(r"[;\t]", line)]
+    # Those of the two ends, without a number, say nothing of the strips.
+    lines = [_PAIR.sub(" ", c) for c in clauses if re.search(r"\d", c) or not _PAIR.search(c)]
     ends = [(base, strips - 1 + base) for base in (0, 1)]
     ranges = [
         (line, {(int(a), int(b)) for a, b in _RANGE.findall(line)} & {*ends, *(e[::-1] for e in ends)})

@@ -278,11 +278,14 @@ def _in_pairs(lines: list[tuple[int, str]]) -> list[tuple[int, str]]:
     if len(re.findall(r"[A-Za-z]\s*\d*\s*[=:]?\s*#", _PAIRED.sub("#", sample))) > 1:
         return lines  # these have names
     between = re.search(r"#([^#]*)#", _PAIRED.sub("#", sample))
-    mark = (between[1].strip() if between else "") or " "
-    if len(mark) > 1:
+    mark = (
+        between[1] if between and not between[1].strip() else (between[1].strip() if between else "") or " "
+    )
+    if len(mark.strip()) > 1:
         return lines
     return [
-        (i, _PAIRED.sub(rf"\1{mark}\2", line).replace("|", " " if mark == " " else "|")) for i, line in lines
+        (i, _PAIRED.sub(rf"\1{mark}\2", line).replace("|", " " if not mark.strip() else "|"))
+        for i, line in lines
     ]
 
 
@@ -614,8 +617,9 @@ def _in_decimals(split: list[tuple[int, list[str]]], width: int) -> list[tuple[i
     """Mark as such the numbers of columns that are hexadecimal: of one length, some with letters."""
     full = [row for _, row in split if len(row) == width]
     body = full[len(full) // 10 + 1 :]
-    digits = [n for n in range(width) if body and all(re.fullmatch(_HEX, row[n]) for row in body)]
-    digits = [n for n in digits if len({len(row[n]) for row in body}) == 1]
+    there = {n: [row[n] for row in body if not says_nothing(row[n])] for n in range(width)}
+    digits = [n for n, read in there.items() if read and all(re.fullmatch(_HEX, cell) for cell in read)]
+    digits = [n for n in digits if len({*map(len, there[n])}) == 1]
     lettered = [row[n] for row in body for n in digits if re.search("[A-Fa-f]", row[n])]
     moving = [n for n in digits if len({row[n] for row in body}) > 1]
     if 2 * sum(any(re.search("[A-Fa-f]", row[n]) for row in body) for n in moving) < len(moving):
@@ -624,12 +628,12 @@ def _in_decimals(split: list[tuple[int, list[str]]], width: int) -> list[tuple[i
         re.search(r"[ABCDFabcdf]", f) and f[0].isdigit() for f in lettered
     ):
         return split
-    digits = [n for n in digits if len(body[0][n]) == len(lettered[0])]
-    for n in [n for n in digits if not any(re.search("[A-Fa-f]", row[n]) for row in body)]:
-        even = [_rises_evenly([int(row[n], base) for row in body]) for base in (10, 16)]
+    digits = [n for n in digits if len(there[n][0]) == len(lettered[0])]
+    for n in [n for n in digits if not any(re.search("[A-Fa-f]", cell) for cell in there[n])]:
+        even = [_rises_evenly([int(cell, base) for cell in there[n]]) for base in (10, 16)]
         if even == [True, True]:
             raise ReadingError(
-                f"{body[0][n]!r}: a hexadecimal number, as others on its line, or a decimal one? Write 0x before those"
+                f"{there[n][0]!r}: a hexadecimal number, as others on its line, or a decimal one? Write 0x before those"
             )
         digits = [d for d in digits if d != n] if even[0] else digits
     for _, row in split:
