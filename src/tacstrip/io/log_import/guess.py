@@ -152,7 +152,7 @@ def _asked_next(
         if any(not q.choices or q.key in known for q in asked):
             break
         known |= {q.key for q in asked}
-        answers = answers | {q.key: q.choices[pick] for q in asked}
+        answers = answers | _picked(asked, pick)
         clues = Clues(table, sensor, answers, stated=stated)
         try:
             assembled(clues)
@@ -166,6 +166,16 @@ def _asked_next(
         except (ReadingError, OptionError):
             break
     return later
+
+
+def _picked(questions: tuple[Question, ...], pick: int) -> dict[str, str]:
+    """Return answers by the first choices or the last; of columns one for each channel, as none is of two."""
+    columns = [q for q in questions if q.key not in KEYS]
+    taken = {}
+    for n, q in enumerate(columns):
+        choices = q.choices if pick == 0 else (*q.choices[1::-1], *q.choices[2:])
+        taken[q.key] = choices[min(n, len(choices) - 1)]
+    return {q.key: q.choices[pick] for q in questions} | taken
 
 
 def left_out(table: Table, dropped: list[int]) -> list[str]:
