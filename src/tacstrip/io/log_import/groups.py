@@ -48,6 +48,8 @@ def of_groups(lines: Lines) -> Lines:
     numeric = sum(bool(re.search(r"\d", line)) for _, line in lines)
     if len(found) < 2 or len(found) <= STEADY * numeric:
         return lines
+    if any(_GROUP.search(line) or _WITHIN.search(line) for i, line in lines if i < min(found)):
+        return lines  # a damaged one would be taken for what stands above the readings
     widths = Counter(len(values) for _, groups in found.values() for _, values in groups)
     heads = Counter(tuple(item.name for item in head) for head, _ in found.values())
     several = max(len(groups) for _, groups in found.values()) > 1
@@ -84,8 +86,10 @@ def _parsed(line: str) -> tuple[list[Item], list[tuple[str, list[str]]]] | None:
         return None
     if not re.fullmatch(_NO_GROUP, line[groups[-1].end() :]):
         return None
-    if any(m["word"] and meaning(m["word"]).role != "strip" for m in groups):
-        return None  # else it names a channel, or what is no strip's
+    words = [m["word"] for m in groups if m["word"]]
+    values = [_SPLIT.findall(m["inner"] or m["bare"]) for m in groups]
+    if any(meaning(word).role != "strip" for word in words) or (words and min(map(len, values)) < 2):
+        return None  # else it names a channel, or what is no strip's; single values behind names are read by these
     strips = [int(m["strip"]) for m in groups]
     if len({*strips}) < len(strips):
         return None
@@ -93,7 +97,7 @@ def _parsed(line: str) -> tuple[list[Item], list[tuple[str, list[str]]]] | None:
     head = [item for item in items(text) if item.name != ""] or _bare(text)
     if (re.search(r"\d", text) and not head) or not _is_head(head, tuple(item.name for item in head)):
         return None
-    return head, [(m["strip"], _SPLIT.findall(m["inner"] or m["bare"])) for m in groups]
+    return head, [(m["strip"], pair) for m, pair in zip(groups, values, strict=True)]
 
 
 def _bare(text: str) -> list[Item]:

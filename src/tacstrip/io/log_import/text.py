@@ -71,7 +71,9 @@ _SIGN_APART = re.compile(r"\A([+-])\s+(?=[\d.,])")  # as loggers write "+  2.862
 _REMARKED = re.compile(
     r"(?<!\s)(?:\s+[(\[][^()\[\]]{9,}[)\]]\s*|\s{2,}\S.*|\s+(?:--|#|//)\s.*)\Z"
 )  # behind names in a comment
-_ANNOUNCED = re.compile(r"\A(?:columns?|fields?|format|header|names?|cols?|spalten)\s*[:=]\s*", re.IGNORECASE)
+_ANNOUNCED = re.compile(
+    r"\A(?:order|columns?|fields?|format|header|names?|cols?|spalten)\s*[:=]\s*", re.IGNORECASE
+)
 _RANGE = re.compile(
     r"\b([A-Za-z_]+) ?(\d+)\s*(?:\.\.+|\u2026|-|to)\s*([A-Za-z_]*) ?(\d+)\b"
 )  # such as "A0..A3"
@@ -175,7 +177,11 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     every = one_page(unwrapped([(i, line) for i, line in every if i not in strays]))
     lines = [(i, line) for i, line in every if line.strip() and not _RULE.fullmatch(line)]
     around = {i for i, line in lines if _SHELL.fullmatch(line)}
-    lines = [(i, line) for i, line in lines if i not in around or 2 * len(around) > len(lines)]
+    if 2 * len(around) <= len(lines):
+        typed = [f"line {i} ({line.strip()!r})" for i, line in lines if i in around and line.startswith("> ")]
+        said = f"{', '.join(typed)}: typed at a prompt, passed over" if typed else ""
+        messages = "; ".join(filter(None, [messages, said]))
+        lines = [(i, line) for i, line in lines if i not in around]
     if not lines:
         raise ReadingError(f"{path}: the file is empty")
     lines, stamps = _without_stamps(lines)
