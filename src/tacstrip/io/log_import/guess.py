@@ -138,8 +138,9 @@ def _later(
     stated: frozenset[str] | None,
 ) -> list[Question]:  # fmt: skip
     """Return what will be asked whatever is answered, so that one round is enough."""
-    first, last = (_asked_next(questions, pick, table, sensor, answers, stated) for pick in (0, -1))
-    return [q for q in first if q.key in {other.key for other in last}]
+    first = _asked_next(questions, 0, table, sensor, answers, stated)
+    last = {q.key for q in _asked_next(questions, -1, table, sensor, answers, stated)} if first else set()
+    return [q for q in first if q.key in last]
 
 
 def _asked_next(
