@@ -31,6 +31,10 @@ _EXPLORED, _BEST, _SETTLED = (
     7,
 )  # rounds, descents of each that are settled: the best, and with unlike ones
 _FAR = 2.5  # times a short move
+_OPEN, _DEVIATIONS = (
+    4,
+    (-10.0, -4.0, 4.0, 10.0),
+)  # directions that the readings tell least, how far along them
 _ORDERS = (2, 4, 3)  # parts of a turn that may bring an outline onto itself
 _SMOOTH = 0.35  # radians from scan to scan, in the median: an object that moves on
 _JUMP = 12.0  # of chi square: what a jump between such poses has to explain
@@ -271,9 +275,8 @@ def explored(scans: RigidScans, fit: Fit) -> list[Fit]:
     """
     ends, soft = list[Fit](), 0.05 * scans.sensor.pitch_mm
     for _ in range(_EXPLORED):
-        tries = [
-            fitted(scans, start, fit.poses, 8, soft, 5.0, fit.basis) for start in _moved(fit.corners, scans)
-        ]
+        starts = [*_moved(fit.corners, scans), *_along_the_open(scans, fit)]
+        tries = [fitted(scans, start, fit.poses, 8, soft, 5.0, fit.basis) for start in starts]
         tries = [fitted(scans, f.corners, f.poses, 6, basis=fit.basis) for f in tries]
         near = [settled(scans, f, 2) for f in _unlike(sorted(tries, key=lambda f: f.cost), scans)]
         ends += near
@@ -315,6 +318,18 @@ def _moved(corners: FloatArray, scans: RigidScans) -> list[FloatArray]:
                 moved[at] += by * direction
                 found.append(moved)
     return found
+
+
+def _along_the_open(scans: RigidScans, fit: Fit) -> list[FloatArray]:
+    """Return an outline moved by little and by much along what the readings tell least of it."""
+    found = information(scans, fit.corners, fit.poses)
+    value, vector = np.linalg.eigh(covariances(found, fit.corners, fit.poses, fit.basis)[0])
+    farthest = 0.2 * float(np.ptp(fit.corners, axis=0).max())
+    return [
+        fit.corners + np.clip(by * np.sqrt(value[-i]), -farthest, farthest) * vector[:, -i].reshape(-1, 2)
+        for i in range(1, min(_OPEN, len(value) - 3) + 1)
+        for by in _DEVIATIONS
+    ]
 
 
 def reflex(corners: FloatArray) -> BoolArray:
