@@ -275,7 +275,9 @@ def explored(scans: RigidScans, fit: Fit) -> list[Fit]:
     """
     ends, soft = list[Fit](), 0.05 * scans.sensor.pitch_mm
     for _ in range(_EXPLORED):
-        starts = [*_moved(fit.corners, scans), *_along_the_open(scans, fit)]
+        starts = _along_the_open(scans, fit)
+        if reflex(fit.corners).any():
+            starts += _moved(fit.corners, scans)
         tries = [fitted(scans, start, fit.poses, 8, soft, 5.0, fit.basis) for start in starts]
         tries = [fitted(scans, f.corners, f.poses, 6, basis=fit.basis) for f in tries]
         near = [settled(scans, f, 2) for f in _unlike(sorted(tries, key=lambda f: f.cost), scans)]
