@@ -8,7 +8,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.core.rigid import RigidScans
-from tacstrip.tracking.rigid.covariance import covariances, information
+from tacstrip.tracking.rigid.covariance import covariances, information, rigid_motions
 from tacstrip.tracking.rigid.offsets import with_offsets
 from tacstrip.tracking.rigid.search import Found
 
@@ -34,7 +34,9 @@ def beside_rivals(scans: RigidScans, found: Found, shape: FloatArray, deviation:
         theirs = spin @ theirs[np.ix_(order, order)] @ spin.T
         odds, off = math.exp(-0.5 * max(worse, 0.0)), (moved - own).ravel()
         total, summed = total + odds, summed + odds * (theirs + np.outer(off, off))
-    return np.asarray(summed / total)
+    motions = rigid_motions(own)  # moved and turned as a whole it is the same shape
+    inner = np.eye(own.size) - motions @ np.linalg.pinv(motions)
+    return np.asarray(inner @ summed @ inner.T / total)
 
 
 def _onto(corners: FloatArray, to: FloatArray) -> tuple[int, FloatArray, FloatArray]:
