@@ -29,6 +29,7 @@ from tacstrip.tracking.rigid.corners import (
     settled,
     unstuck,
 )
+from tacstrip.tracking.rigid.covariance import following
 from tacstrip.tracking.rigid.offsets import Offsets, channel_offsets, taken_off, without_needless_corners
 from tacstrip.tracking.rigid.smooth_path import Path, centres, circle, fit_path, spline_basis
 
@@ -315,6 +316,30 @@ def likelier(scans: RigidScans, a: Found, b: Found, distribution: str) -> Found:
     return replace(best, rivals=(*best.rivals, (other.fit, worse)))
 
 
+def counted_among_followers(scans: RigidScans, found: Found, distribution: str) -> Found:
+    """Return what was found with as many corners as errors ask for that follow each other from scan to scan.
+
+    Such errors move the readings of many scans alike, as a corner does: what a corner gains counts as for so much
+    larger errors of which each scan has its own. The same where they do not follow each other.
+    """
+    wider = following(scans, found.fit.corners, found.fit.poses)
+    if wider == 1.0:
+        return found
+    larger = scans.with_sigma(wider * scans.sigma)
+    again = _compared(
+        larger, [_scaled(f, wider) for f in (found.fit, *(f for f, _ in found.rivals))], distribution
+    )
+    fit = _scaled(again.fit, 1.0 / wider)
+    if not content(scans, fit, distribution):
+        return found
+    return replace(found, fit=fit, rivals=tuple((_scaled(f, 1.0 / wider), w) for f, w in again.rivals))
+
+
+def _scaled(fit: Fit, larger: float) -> Fit:
+    """Return a fit as of readings so many times as uncertain."""
+    return replace(fit, costs=fit.costs / larger**2)
+
+
 def needs_smooth_motion(scans: RigidScans) -> bool:
     """Whether a scan tells hardly more than a pose: one signature."""
     return len(scans.read) == 1
@@ -371,14 +396,19 @@ def _compared(scans: RigidScans, fits: list[Fit], distribution: str) -> Found:
     if best.cost < _WORTH_SETTLING * best.freedom(scans):
         best, counts = recounted(scans, best)
         every += counts
-        if reflex(best.corners).any():
+        concave = bool(reflex(best.corners).any())
+        if concave or (best.basis is None and scans.strips_touched < FEW_STRIPS):
             first, *others = explored(scans, best)
-            best, counts = recounted(scans, first)
-            every, within = [*every, *others, *counts], _WITHIN_KINKS
-    every = sorted(every, key=lambda f: f.criterion(scans))
-    rivals = ((f, f.criterion(scans) - best.criterion(scans)) for f in every if f is not best)
-    likely = ((f, w) for f, w in rivals if w <= within and content(scans, f, distribution))
-    return Found(best, np.arange(len(scans.k)), tuple(likely))
+            best, counts = recounted(scans, first) if first is not best else (best, [])
+            every = [*every, *others, *counts]
+            within = _WITHIN_KINKS if concave else _WITHIN
+    rivals = list[tuple[Fit, float]]()
+    for fit in sorted(every, key=lambda f: f.criterion(scans)):
+        worse = fit.criterion(scans) - best.criterion(scans)
+        unlike = not any(_same(fit, f) for f in (best, *(r for r, _ in rivals)))
+        if worse <= within and unlike and content(scans, fit, distribution):
+            rivals.append((fit, worse))
+    return Found(best, np.arange(len(scans.k)), tuple(rivals))
 
 
 def _on_the_best_spline(scans: RigidScans, chosen: IntArray, fits: list[Fit]) -> list[Fit]:
