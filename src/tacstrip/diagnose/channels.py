@@ -54,6 +54,7 @@ def on_rails(work: WorkingCopy) -> Iterator[Suspect]:
     off_rail = values.max(axis=0) > max(2.0 * near, _ground(work) + _NEAR_RAIL)
     single = inside & low & ~low.all(axis=0) & off_rail
     known_places = inside.any(axis=0).sum(axis=0)
+    ground[:, work.touched_without_contact()] = vref[:, work.touched_without_contact()] = False
     for strip in range(work.strips):
         # Of all channels together: one strip on a rail is more likely than two stuck channels.
         known = np.isfinite(r[:, :, strip]).any(axis=0).sum()
@@ -188,6 +189,7 @@ def _followed(work: WorkingCopy) -> Iterator[tuple[str, int, FloatArray, FloatAr
 def not_moving(work: WorkingCopy) -> Iterator[Suspect]:
     """Find channels that keep one value while their neighbours move."""
     still = max(0.004, 3.0 * work.sigma)
+    without_contact = work.touched_without_contact()
     for name, strip, values, expected in _followed(work):
         own, predicted = _spread(values), _spread(expected)
         if _rests(work, strip, still):
@@ -197,8 +199,8 @@ def not_moving(work: WorkingCopy) -> Iterator[Suspect]:
             near = max(_RAIL, 4.0 * work.sigma)
             fault = "dead" if abs(level - _ground(work)) < near else "stuck"
             end = ""
-            if len(work.k) == 1 and min(abs(level), abs(level - 1.0)) < near and fault == "stuck":
-                # Another level than a free wire's: the strip hangs on one rail.
+            if len(work.k) == 1 and min(abs(level), abs(level - 1.0)) < near and not without_contact[strip]:
+                # Strips over metal have no wire of their own that could be dead: the strip hangs on one rail.
                 fault, end = "open-strip", f"; {_open_end(at_vref=level > 0.5)}"
             evidence = (
                 f"stays within {100 * own:.2g} % of Vref of {level:.4g} Vref over {len(values)} places, while its "
@@ -291,10 +293,11 @@ def never_touched(work: WorkingCopy) -> Iterator[Suspect]:
         if count >= _FEW and moved:
             fault = "dead"
             evidence = f"reads no contact in {count} places where both its neighbours do, though the contact moves on"
-            if work.at_ground[work.order[strip]]:  # one open clamp, rather than all wires dead
+            on_ground = bool(work.at_ground[work.order[strip]])
+            if on_ground or len(work.k) == 1:  # one open clamp, rather than all wires dead
                 fault = "open-strip"
                 end = _open_end(at_vref=False)
-                evidence += f", and is on ground throughout; {end}, then at the sensing wires"
+                evidence += f"{', and is on ground throughout' * on_ground}; {end}, then at the sensing wires"
             yield work.suspect(fault, [strip], evidence, {"places": float(count)}, 1.0)
 
 
