@@ -41,7 +41,7 @@ _CONSTANT = 3  # numbers of a strip's constant error
 # That is held against chance on any of some 20 strips and three signals: below 1 in 10,000. Less is a question.
 _GAIN, _OUTSTANDING, _SIZE = 140.0, 2.1, 0.0025
 _GAIN_OF_LINE, _OUTSTANDING_LINE, _CERTAIN = 60.0, 3.0, 4.0
-_GAIN_ASKED, _OUTSTANDING_ASKED, _CERTAIN_ASKED = 100.0, 1.4, 2.7
+_GAIN_ASKED, _OUTSTANDING_ASKED, _CERTAIN_ASKED = 100.0, 1.4, 2.4
 _LINE = (0.35, 0.6)  # of a change's gain that a line explains: less is wander, more drift
 _MOST_FOUND, _MOST_ASKED = 4, 2  # strips
 _MIDDLE = (np.arange(_BLOCKS) + 0.5) / _BLOCKS
