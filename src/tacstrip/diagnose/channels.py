@@ -27,6 +27,9 @@ _MOVES = 0.2  # over Vref: what the neighbours must move for a reading that shou
 _MOVES_OFTEN, _PASSES = 0.12, 4  # the same of contacts that came so often
 _BELOW = 0.05  # over Vref, of a contact above a cut, and of readings that no limit cuts off
 _STRAYS = 2  # places
+_FAR_APART = 0.3  # over Vref, of heights: a palm over the ends of some strips does not move so far
+_SIDE = 0.93  # of pairs of a height on a rail and one off it, in the same order: a cut lies between
+_ALL_THE_TIME, _VISITS = 0.9, 3  # of the places: an object that lies still does not come and go; visits
 _ALIKE = 0.7  # correlation of a strip's neighbours that are under one object
 _FEW, _SOME = 3, 8  # places
 _FAR_FROM_REST = 2.5  # times what counts as touched
@@ -65,7 +68,7 @@ def on_rails(work: WorkingCopy) -> Iterator[Suspect]:
         of = inside[:, :, strip].sum(axis=1)
         yield from _open_strip(
             work, strip, ground[:, strip], vref[:, strip], int(known_places[strip]), e[0, :, strip], gain,
-            level[silent[:, strip], strip],
+            level[silent[:, strip], strip], e[0, (inside & ~low & ~high).any(axis=0)[:, strip], strip],
         )  # fmt: skip
         yield from _one_channel(work, strip, channels, levels, of, gain)
 
@@ -102,6 +105,7 @@ def _open_strip(
     level: FloatArray,
     gain: float,
     silent: FloatArray,
+    sound: FloatArray,
 ) -> Iterator[Suspect]:
     # A gap between two objects is at any height; one above a cut is below all contacts that read Vref.
     cut = vref.sum() >= _FEW and len(silent) and np.median(silent) < np.quantile(level[vref], 0.1) - _BELOW
@@ -133,7 +137,18 @@ def _open_strip(
     numbers = {"places": float(places), "at_ground": float(on_ground), "at_vref": float(vref.sum())}
     suspect = work.suspect("open-strip", [strip], evidence, numbers, gain)
     # A palm over the ends of some strips is on one rail at some places, too.
-    yield replace(suspect, doubtful=not always and not (on_ground and vref.any()))
+    one_rail = not always and not (on_ground and vref.any())
+    yield replace(suspect, doubtful=one_rail and not (_spread(levels) > _FAR_APART and _apart(levels, sound)))
+
+
+def _apart(levels: FloatArray, sound: FloatArray) -> bool:
+    """Whether a strip is on its rail at heights (places,) that are all on one side of those where it reads well."""
+    sound = np.sort(sound[np.isfinite(sound)])
+    levels = levels[np.isfinite(levels)]
+    if not len(sound) or not len(levels):
+        return False
+    below = float(np.searchsorted(sound, levels).mean()) / len(sound)
+    return max(below, 1.0 - below) > _SIDE
 
 
 def _one_channel(
@@ -195,7 +210,8 @@ def not_moving(work: WorkingCopy) -> Iterator[Suspect]:
     without_contact = work.touched_without_contact()
     for name, strip, values, expected in _followed(work):
         own, predicted = _spread(values), _spread(expected)
-        if _rests(work, strip, still):
+        rests = _rests(work, strip, still)
+        if rests and not without_contact[strip]:
             continue
         if own <= still and np.ptp(values) <= 3.0 * still and predicted > max(_MOVES, 5.0 * own):
             level = float(np.median(values))
@@ -211,12 +227,16 @@ def not_moving(work: WorkingCopy) -> Iterator[Suspect]:
             )
             numbers = {"level": level, "own_spread": own, "neighbours_spread": predicted}
             misfit = float(np.abs(values - expected).mean())
-            yield work.suspect(fault, [strip], evidence, numbers, misfit, name if not end else None)
+            suspect = work.suspect(fault, [strip], evidence, numbers, misfit, name if not end else None)
+            yield replace(suspect, doubtful=rests)
 
 
 def _rests(work: WorkingCopy, strip: int, still: float) -> bool:
     """Whether both channels of an outermost strip keep their values: an object of its own may lie still there."""
     if strip not in (0, work.strips - 1):
+        return False
+    there = work.there[:, strip]
+    if there.mean() < _ALL_THE_TIME and passes(np.flatnonzero(there)) >= _VISITS:
         return False
     own = [values[np.isfinite(values[:, strip]), strip] for values in work.k.values()]
     return len(own) > 1 and all(len(values) and _spread(values) <= still for values in own)
