@@ -106,6 +106,8 @@ def _jumps(work: WorkingCopy) -> tuple[IntArray, BoolArray]:
         if len(values) > 1
         else np.zeros(work.there.shape, bool)
     )
+    # A contact's rim, where it comes and goes, leaves the level of rest.
+    same &= (np.abs(values - rest) >= near).all(axis=0)
     lasts = away.copy()  # not a stray
     lasts[:, 1:-1] &= away[:, 2:] | away[:, :-2]
     solid = away & (same | lasts)
