@@ -218,7 +218,7 @@ def not_moving(work: WorkingCopy) -> Iterator[Suspect]:
             near = max(_RAIL, 4.0 * work.sigma)
             fault = "dead" if abs(level - _ground(work)) < near else "stuck"
             end = ""
-            if len(work.k) == 1 and min(abs(level), abs(level - 1.0)) < near and not without_contact[strip]:
+            if len(work.k) == 1 and min(abs(level), abs(level - 1.0)) < _NEAR_RAIL and not without_contact[strip]:
                 # Strips over metal have no wire of their own that could be dead: the strip hangs on one rail.
                 fault, end = "open-strip", f"; {_open_end(at_vref=level > 0.5)}"
             evidence = (
