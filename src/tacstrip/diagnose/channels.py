@@ -53,6 +53,7 @@ def on_rails(work: WorkingCopy) -> Iterator[Suspect]:
     low = values <= np.maximum(_ground(work), np.minimum(_extreme(values), _ground(work) + _NEAR_RAIL)) + near
     high = values >= np.minimum(1.0, np.maximum(-_extreme(-values), 1.0 - _NEAR_RAIL)) - near
     silent, level = _silent(work)
+    off_rails = np.asarray((inside & ~low & ~high).any(axis=0))
     ground, vref = (np.asarray(side.all(axis=0) & inside.any(axis=0)) for side in (low, high))
     # One channel on ground where the other is not: its wire is dead.
     off_rail = values.max(axis=0) > max(2.0 * near, _ground(work) + _NEAR_RAIL)
@@ -68,7 +69,7 @@ def on_rails(work: WorkingCopy) -> Iterator[Suspect]:
         of = inside[:, :, strip].sum(axis=1)
         yield from _open_strip(
             work, strip, ground[:, strip], vref[:, strip], int(known_places[strip]), e[0, :, strip], gain,
-            level[silent[:, strip], strip], e[0, (inside & ~low & ~high).any(axis=0)[:, strip], strip],
+            level[silent[:, strip], strip], e[0, off_rails[:, strip], strip],
         )  # fmt: skip
         yield from _one_channel(work, strip, channels, levels, of, gain)
 
@@ -218,7 +219,11 @@ def not_moving(work: WorkingCopy) -> Iterator[Suspect]:
             near = max(_RAIL, 4.0 * work.sigma)
             fault = "dead" if abs(level - _ground(work)) < near else "stuck"
             end = ""
-            if len(work.k) == 1 and min(abs(level), abs(level - 1.0)) < _NEAR_RAIL and not without_contact[strip]:
+            if (
+                len(work.k) == 1
+                and min(abs(level), abs(level - 1.0)) < _NEAR_RAIL
+                and not without_contact[strip]
+            ):
                 # Strips over metal have no wire of their own that could be dead: the strip hangs on one rail.
                 fault, end = "open-strip", f"; {_open_end(at_vref=level > 0.5)}"
             evidence = (

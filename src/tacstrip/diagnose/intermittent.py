@@ -52,6 +52,9 @@ def intermittent(work: WorkingCopy) -> tuple[list[Finding], list[Question]]:
     findings = list(_often(work, lasting))
     named = {i for f in findings for i in f.strips}
     asked: list[Question] = []
+    often = (jumps >= _JUMPS).any(axis=0) & ~np.isin(work.order, list(named))
+    if often.sum() > _MOST_ASKED:  # a finger that hardly touches comes and goes on many strips
+        jumps[:, often] = 0
     for strip in np.flatnonzero(jumps.any(axis=0)).tolist():
         if (number := int(work.order[strip])) in named or not _anywhere(work, lines, away, strip):
             continue

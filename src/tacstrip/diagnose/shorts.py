@@ -330,7 +330,8 @@ def _outstanding(
     """Yield pairs whose bridge explains much more than any between strips further away, and the most of these.
 
     `changes`, of each pair and signature: what alternative bridges do to each of its strips (places, alternatives);
-    `gains`: the least, inside and at the edges; `times`: of those of pairs further away; `weakest`: the least of a bridge's ideal effect.
+    `gains`: the least, inside and at the edges; `times`: of those of pairs further away; `weakest`: the least
+    of a bridge's ideal effect.
     """
     models = [BendModel.of(work, name) for name in work.k]
     found = [_best(models, change) for change in changes]
