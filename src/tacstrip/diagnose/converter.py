@@ -99,8 +99,8 @@ def wrong_reference(log: Log, sigma: float) -> tuple[list[Finding], list[Questio
     if factor is None:
         return found, [], 1.0
     evidence = (
-        f"{'all' if sure else 'several'} strips' readings pile up at {factor:.4g} of Vref, each time that a contact gets "
-        "there, as at the end: "
+        f"{'all' if sure else 'several'} strips' readings pile up at {factor:.4g} of Vref, each time that a contact "
+        "gets there, as at the end: "
         f"Vref is {factor * log.sensor.vref_volt:.4g} V, or the gain {factor:.4g}"
     )
     if factor > _SURE_CEILING or not sure:
