@@ -55,6 +55,10 @@ def on_rails(work: WorkingCopy) -> Iterator[Suspect]:
     silent, level = _silent(work)
     off_rails = np.asarray((inside & ~low & ~high).any(axis=0))
     ground, vref = (np.asarray(side.all(axis=0) & inside.any(axis=0)) for side in (low, high))
+    if work.sensor.rest_volt is not None:
+        # At a contact's rim, noise of a strip that rests makes it count as touched.
+        sides = np.pad(work.there, ((0, 0), (1, 1)), constant_values=True)
+        ground &= sides[:, :-2] & sides[:, 2:]
     # One channel on ground where the other is not: its wire is dead.
     off_rail = values.max(axis=0) > max(2.0 * near, _ground(work) + _NEAR_RAIL)
     single = inside & low & ~low.all(axis=0) & off_rail

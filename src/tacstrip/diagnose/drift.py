@@ -32,7 +32,7 @@ _RESTLESS = 3.0  # times the other strips' changes from scan to scan: contacts t
 _STEPS, _STEP_NOISE = 4, 8.0  # scans beside a jump, twice; times the median change
 _TERMS = 8  # functions of time: a line, and cosines of 1 to 4 periods
 _USUAL = 0.02  # over Vref: prior standard deviation of each
-_FEWEST = 24  # bends of a strip
+_FEWEST, _FEWEST_STRIPS = 24, 5  # bends of a strip; strips with so many
 _PAUSE, _STEP = 2, 0.12  # rows between two looks at a strip, and over Vref, how far its contact moves in one
 _LOOKS_BESIDE, _MOST_IN_LOOK = 9, 6  # looks, and rows of one that count
 _LEAST_CHANCE = float(np.exp(-700.0))  # that a float can hold, nearly
@@ -317,7 +317,8 @@ def _against_neighbours(work: WorkingCopy, tau: FloatArray) -> tuple[_Change | N
                           change[3], change[4])  # fmt: skip
             if best is None or one.gain > best.gain:
                 best = one
-    return best, seen
+    # Of fewer strips there are no others to hold one against.
+    return (best, seen) if seen.sum() >= _FEWEST_STRIPS else (None, np.zeros_like(seen))
 
 
 def _blocks(found: Explanation, terms: int) -> tuple[FloatArray, FloatArray]:
