@@ -40,7 +40,7 @@ _STEADY, _TURNS = 0.003, 0.008  # least deviation of second differences: of the 
 _JERKS = 2.0  # motion that costs so many times what is expected is less smooth than thought
 _MISSED = 4.0  # of chi square that an object must gain to be there
 _ALIKE, _APART = 10.0, 0.03  # of chi square, and of the size: another way that explains as well
-_RIVALS, _BETTER = 3, 6.0  # outlines that are tried against the one found, and how much better one must be
+_RIVALS, _BETTER = 5, 6.0  # outlines that are tried against the one found, and how much better one must be
 _HELD, _HELD_ANGLE = 0.017, 0.026  # deviations of a pose that is held: of the size, and [rad]
 _HIDDEN = (
     "in {n} of the scans {first} to {last} others hide so much of it that the readings do not hold its pose: there it "
@@ -73,6 +73,12 @@ _STAGES = (
 )  # tolerance over the size, scale of the loss, ends
 _LOOSE = np.array([0.01, 0.01, 0.03])  # deviations from what is between the scans that are explained
 _ROUGH = 12.0  # of what the motion costs at a scan
+_ASTRAY = (
+    *((0.0, 0.0, sign * turn) for turn in (0.15, 0.35, 0.7) for sign in (1.0, -1.0)),
+    *((sign * 0.06, 0.0, 0.0) for sign in (1.0, -1.0)),
+    *((0.0, sign * 0.06, 0.0) for sign in (1.0, -1.0)),
+)  # of the size, and [rad]: how far an object may have gone astray while others hid most of it
+_NEVER = 100.0  # of chi square beyond the best: a descent that rests there, with the outlines as they are, is given up
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,7 +221,8 @@ def follow(
     kept: list[list[tuple[FloatArray, float]]] = [[] for _ in part]
     for k in np.flatnonzero(part):
         scene, kept[k] = _against_rivals(some, scene, int(k), known[int(k)].rivals)
-    return _shared(rows, chosen, scene, part, alike, kept, distribution)
+    scene, others = _astray(some, chosen, scene, part)
+    return _shared(rows, chosen, scene, part, alike + others, kept, distribution)
 
 
 def _against_rivals(
@@ -226,9 +233,10 @@ def _against_rivals(
     tried = [scene]
     for rival in rivals[:_RIVALS]:
         outlines = tuple(rival if i == k else o for i, o in enumerate(scene.outlines))
-        trial = fitted(
-            some.hull, replace(scene, outlines=outlines), some.follows, 8, _SOFT * float(some.sizes.max())
-        )
+        soft, trial = _SOFT * float(some.sizes.max()), replace(scene, outlines=outlines)
+        trial = fitted(some.hull, trial, some.follows, 8, soft, _CAUCHY, shapes=False)
+        trial = _settled(some, trial, 1, soft, shapes=False)
+        trial = fitted(some.hull, trial, some.follows, 8, soft)
         tried.append(_settled(some, fitted(some.hull, trial, some.follows), 1))
     criteria = np.array([s.cost + price * len(s.outlines[k]) for s in tried])
     criteria[1:] += _BETTER  # what was found first stays unless another is clearly better
@@ -240,6 +248,63 @@ def _against_rivals(
         for i, (s, worse) in enumerate(zip(tried, criteria - criteria[best], strict=True))
         if i != best and worse < _ALIKE
     ]
+
+
+def _astray(
+    some: _Rows, chosen: IntArray, scene: Scene, part: BoolArray
+) -> tuple[Scene, list[_Elsewhere]]:
+    """Return the scene, or a better one in which an object gradually goes another way, and what explains as well.
+
+    What others leave to see of an object, such as one edge or one corner, may fit two ways that part slowly from where
+    it was alone. Each is a minimum of its own, so that the covariance at one does not tell of the other.
+    """
+    found = [scene]
+    for k in np.flatnonzero(part):
+        mine = np.flatnonzero(scene.present[:, k] & ~some.alone[:, k])
+        scale = np.array([some.sizes[k], some.sizes[k], 1.0])
+        for run in np.split(mine, np.flatnonzero(~some.follows[mine[1:]] | (np.diff(mine) > 1)) + 1):
+            if len(run) < 2:
+                continue
+            shape = _free_end(some, run, int(k))
+            for step in _ASTRAY:
+                poses = found[0].poses.copy()
+                poses[run, k] += shape[:, None] * np.array(step) * scale
+                trial = _other_way(some, replace(found[0], poses=poses), found[0])
+                if trial is not None:
+                    found = sorted([*found, trial], key=lambda s: s.cost)
+    best = found[0]
+    return best, [
+        _Elsewhere(chosen, s.outlines, s.poses, s.present) for s in found[1:] if s.cost - best.cost < _ALIKE
+    ]
+
+
+def _free_end(some: _Rows, run: IntArray, k: int) -> FloatArray:
+    """Return how much of a deviation each row of a run gets (R,): none where the object was alone just before or after."""
+    first, last = int(run[0]), int(run[-1])
+    held = first > 0 and some.follows[first] and some.alone[first - 1, k]
+    held_after = last + 1 < len(some.follows) and some.follows[last + 1] and some.alone[last + 1, k]
+    t = (np.arange(len(run)) + 1.0) / (len(run) + 1.0)
+    if held and held_after:
+        return np.asarray(np.sin(np.pi * t))
+    return t if held else 1.0 - t if held_after else np.ones(len(run))
+
+
+def _other_way(some: _Rows, trial: Scene, best: Scene) -> Scene | None:
+    """Return where a descent from other poses ends; None where that is the best scene again, or explains too little."""
+    trial = fitted(some.hull, trial, some.follows, 10, _SOFT * float(some.sizes.max()), _CAUCHY, shapes=False)
+    if _same_poses(some, trial, best):
+        return None
+    trial = _settled(some, trial, 1, shapes=False)
+    if trial.cost > best.cost + _NEVER or _same_poses(some, trial, best):
+        return None
+    trial = fitted(some.hull, trial, some.follows, 15)
+    return None if trial.cost > best.cost + _ALIKE or _same_poses(some, trial, best) else trial
+
+
+def _same_poses(some: _Rows, a: Scene, b: Scene) -> bool:
+    """Whether two scenes of the same presence have the same poses."""
+    off = np.abs(a.poses - b.poses)[a.present]
+    return bool((off <= (SAME * np.array([some.sizes.min(), some.sizes.min(), 1.0]))).all())
 
 
 def _rows(
