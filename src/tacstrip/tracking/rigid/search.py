@@ -43,7 +43,9 @@ _NEAR = 6  # fits that are tried on the best of them
 LEAST_STRIPS = 3  # that a scan touches: fewer tell hardly more than a pose
 FEW_STRIPS = 12  # that read an outline at few places, the same ones as long as it does not move across them
 _KEPT = 3  # paths that are made polygons of
-_FEW_A_SCAN = 6  # strips: scans that touch fewer explain one another at many wrong turns, so that all are tried
+_FEW_A_SCAN = (
+    6  # strips: scans that touch fewer explain one another at many wrong turns, so that all are tried
+)
 _RECOUNTED = 12  # polygons that are recounted one by one where none of all turns explains the scans
 _SATISFIED = 1.15  # of the freedom: a chi square that ends the search
 _ALARM, _HARDLY_MORE = 3.5, 1.05  # deviations of chi square, and times the freedom

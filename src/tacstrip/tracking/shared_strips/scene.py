@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import zip_longest
+from math import erf, exp, sqrt
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from tacstrip.geometry.pose import in_frame, placed
 from tacstrip.reconstruction.polygon.goodness_of_fit import chi_square_score
 from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.shared_strips.beam import SAME, Way, ways
-from tacstrip.tracking.shared_strips.joint_fit import Scene, expected, fitted, pose_covariances
+from tacstrip.tracking.shared_strips.joint_fit import Scene, covariances, expected, fitted
 
 _BEFORE = 4  # scans before a window that its beam begins with
 _CANDIDATES = 3  # of each direction that are fitted
@@ -41,7 +42,8 @@ _JERKS = 2.0  # motion that costs so many times what is expected is less smooth 
 _MISSED = 4.0  # of chi square that an object must gain to be there
 _ALIKE, _APART = 10.0, 0.03  # of chi square, and of the size: another way that explains as well
 _RIVALS, _BETTER = 5, 6.0  # outlines that are tried against the one found, and how much better one must be
-_HELD, _HELD_ANGLE = 0.017, 0.026  # deviations of a pose that is held: of the size, and [rad]
+_HELD, _HELD_ANGLE = 0.017, 0.035  # deviations of a pose that is held: of the size, and [rad]
+_WRONG = 0.02  # of the poses: where more are probably off by two such deviations and more, it is said
 _HIDDEN = (
     "in {n} of the scans {first} to {last} others hide so much of it that the readings do not hold its pose: there it "
     "goes on as it went, see the covariance"
@@ -124,6 +126,8 @@ class Shared:
         Those of `Alone.rivals` that explain all scans as well, fitted to them, and how much worse their criterion is.
     advice
         What is doubtful there; empty when all is well.
+    told
+        Information (2 N, 2 N) [1/mm^2] on the corners' shape, beyond that of the scans alone.
     """
 
     corners: FloatArray
@@ -134,6 +138,7 @@ class Shared:
     joint: tuple[int, ...] = ()
     rivals: tuple[tuple[FloatArray, float], ...] = ()
     advice: str = ""
+    told: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,9 +255,7 @@ def _against_rivals(
     ]
 
 
-def _astray(
-    some: _Rows, chosen: IntArray, scene: Scene, part: BoolArray
-) -> tuple[Scene, list[_Elsewhere]]:
+def _astray(some: _Rows, chosen: IntArray, scene: Scene, part: BoolArray) -> tuple[Scene, list[_Elsewhere]]:
     """Return the scene, or a better one in which an object gradually goes another way, and what explains as well.
 
     What others leave to see of an object, such as one edge or one corner, may fit two ways that part slowly from where
@@ -279,11 +282,11 @@ def _astray(
 
 
 def _free_end(some: _Rows, run: IntArray, k: int) -> FloatArray:
-    """Return how much of a deviation each row of a run gets (R,): none where the object was alone just before or after."""
+    """Return how much of a deviation each row of a run gets (R,): ever less towards scans in which it is alone."""
     first, last = int(run[0]), int(run[-1])
     held = first > 0 and some.follows[first] and some.alone[first - 1, k]
     held_after = last + 1 < len(some.follows) and some.follows[last + 1] and some.alone[last + 1, k]
-    t = (np.arange(len(run)) + 1.0) / (len(run) + 1.0)
+    t: FloatArray = (np.arange(len(run)) + 1.0) / (len(run) + 1.0)
     if held and held_after:
         return np.asarray(np.sin(np.pi * t))
     return t if held else 1.0 - t if held_after else np.ones(len(run))
@@ -643,7 +646,7 @@ def _shared(
     anchors = [
         int(np.flatnonzero(some.alone[:, k])[0]) if some.alone[:, k].any() else 0 for k in range(len(part))
     ]
-    spread = pose_covariances(some.hull, scene, some.follows, anchors, np.flatnonzero(shared))
+    spread, shapes = covariances(some.hull, scene, some.follows, anchors, np.flatnonzero(shared))
     found: list[Shared | None] = []
     for k in range(len(part)):
         if not part[k]:
@@ -655,8 +658,10 @@ def _shared(
         if len(mine):
             size = float(rows.sizes[k])
             sd = np.sqrt(np.diagonal(spread[mine, k], axis1=1, axis2=2))
-            loose = (np.hypot(sd[:, 0], sd[:, 1]) > _HELD * size) | (sd[:, 2] > _HELD_ANGLE)
-            if loose.any():
+            off = np.hypot(sd[:, 0], sd[:, 1]) / (_HELD * size), sd[:, 2] / _HELD_ANGLE
+            loose = np.maximum(*off) > 1.0
+            right = [(1.0 - exp(-4.0 / m**2)) * erf(sqrt(2.0) / a) for m, a in zip(*off, strict=True)]
+            if loose.any() and 1.0 - np.mean(right) > _WRONG:
                 advice.append(
                     _HIDDEN.format(n=int(loose.sum()), first=numbers[loose].min(), last=numbers[loose].max())
                 )
@@ -669,10 +674,24 @@ def _shared(
         found.append(
             Shared(
                 scene.outlines[k], again, numbers.tolist(), scene.poses[mine, k], spread[mine, k],
-                _sharing(some, scene, mine, k), tuple(rivals[k]), "; ".join(advice),
+                _sharing(some, scene, mine, k), tuple(rivals[k]), "; ".join(advice), _told(some, scene, k, shapes[k]),
             )
         )  # fmt: skip
     return found
+
+
+def _told(some: _Rows, scene: Scene, k: int, shape: FloatArray) -> FloatArray | None:
+    """Return what a covariance (2 N, 2 N) of an outline's shape tells beyond the scans in which it is alone."""
+    alone = np.flatnonzero(some.alone[:, k])
+    if not len(alone):
+        return None
+    lone = replace(scene, poses=scene.poses[alone], present=scene.present[alone], costs=scene.costs[alone])
+    before, few = _some(some, alone), np.zeros(len(scene.outlines), dtype=int)
+    known = covariances(before.hull, lone, before.follows, few.tolist(), few[:0])[1][k]
+    value, vector = np.linalg.eigh(
+        np.linalg.pinv(shape, hermitian=True) - np.linalg.pinv(known, hermitian=True)
+    )
+    return np.asarray(vector * np.maximum(value, 0.0) @ vector.T)
 
 
 def _sharing(some: _Rows, scene: Scene, mine: IntArray, k: int) -> tuple[int, ...]:
