@@ -286,7 +286,7 @@ def _free_end(some: _Rows, run: IntArray, k: int) -> FloatArray:
     first, last = int(run[0]), int(run[-1])
     held = first > 0 and some.follows[first] and some.alone[first - 1, k]
     held_after = last + 1 < len(some.follows) and some.follows[last + 1] and some.alone[last + 1, k]
-    t: FloatArray = (np.arange(len(run)) + 1.0) / (len(run) + 1.0)
+    t = np.linspace(0.0, 1.0, len(run) + 2)[1:-1]
     if held and held_after:
         return np.asarray(np.sin(np.pi * t))
     return t if held else 1.0 - t if held_after else np.ones(len(run))
