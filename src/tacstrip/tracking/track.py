@@ -391,9 +391,7 @@ class Object:
             [self.shown[i] for i in order],
             fit.poses[order],
             self.scans.k[order],
-            tuple(o for o, _ in self.found.others)
-            if self.found.spread_mm > _TOLD * self.scans.sensor.pitch_mm
-            else (),
+            tuple(self.found.unlike(_TOLD * self.scans.sensor.pitch_mm)),
         )
 
     @property

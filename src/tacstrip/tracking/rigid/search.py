@@ -46,6 +46,7 @@ _KEPT = 3  # paths that are made polygons of
 _FEW_A_SCAN = (
     6  # strips: scans that touch fewer explain one another at many wrong turns, so that all are tried
 )
+_EXPLORED = 3  # rounds of looking beside a fit, as long as that finds a better one
 _RECOUNTED = 12  # polygons that are recounted one by one where none of all turns explains the scans
 _SATISFIED = 1.15  # of the freedom: a chi square that ends the search
 _ALARM, _HARDLY_MORE = 3.5, 1.05  # deviations of chi square, and times the freedom
@@ -115,6 +116,16 @@ class Found:
         return max(
             (float(shapely.Polygon(o).buffer(0).hausdorff_distance(own)) for o, _ in self.others), default=0.0
         )
+
+    def unlike(self, least_mm: float) -> list[FloatArray]:
+        """Return the rivals' corners in the fit's frame, the likeliest first, without those that one before is like."""
+        kept, shapes = list[FloatArray](), [shapely.Polygon(self.fit.corners).buffer(0)]
+        for outline, _ in sorted(self.others, key=lambda pair: -pair[1]):
+            shape = shapely.Polygon(outline).buffer(0)
+            if min(float(shape.hausdorff_distance(s)) for s in shapes) > least_mm:
+                kept.append(outline)
+                shapes.append(shape)
+        return kept
 
     def of_other_count(self, least_mm: float) -> int:
         """Return how many corners the likeliest rival has that has more or fewer and is off by so much; 0: none is.
@@ -295,12 +306,20 @@ def rigid_stretch(scans: RigidScans, distribution: str, effort: int = 0) -> Foun
 def _on_all_turns(starts: Starts, distribution: str, *, counted: bool) -> Found:
     """Return the best fit from the outlines of all turns, however badly these explain the scans while they are rough.
 
-    Where none explains them and `counted`, the best ones have their corners counted one by one until one does: with a
-    corner too many or too few they stay far from any good fit.
+    Then from beside it, too: which side of a strip a corner passes, few strips hardly tell. Where none explains the
+    scans and `counted`, the best ones have their corners counted one by one until one does: with a corner too many or
+    too few they stay far from any good fit.
     """
     scans, turns = starts.scans, starts.best(_FINE_TURNS, len(_FINE_TURNS))
     found = _polygons(starts, scans, turns, distribution)
-    if not counted or content(scans, found.fit, distribution):
+    if content(scans, found.fit, distribution):
+        for _ in range(_EXPLORED):
+            fits, least = [found.fit, *(fit for fit, _ in found.rivals)], found.fit.criterion(scans)
+            found = _compared(scans, [*fits, *explored(scans, found.fit)], distribution)
+            if found.fit.criterion(scans) > least - 0.5:
+                break
+        return found
+    if not counted:
         return found
     fits = [f for f in starts.pruned(turns) if _plausible(starts.few, f)]
     for rough in sorted(fits, key=lambda f: f.criterion(starts.few))[:_RECOUNTED]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import zip_longest
 from math import erf, exp, sqrt
@@ -41,6 +41,7 @@ _STEADY, _TURNS = 0.003, 0.008  # least deviation of second differences: of the 
 _JERKS = 2.0  # motion that costs so many times what is expected is less smooth than thought
 _MISSED = 4.0  # of chi square that an object must gain to be there
 _ALIKE, _APART = 10.0, 0.03  # of chi square, and of the size: another way that explains as well
+_GUESSES = 2  # rivals that are followed by where the outlines found explain too little
 _RIVALS, _BETTER = 5, 6.0  # outlines that are tried against the one found, and how much better one must be
 _HELD, _HELD_ANGLE = 0.017, 0.035  # deviations of a pose that is held: of the size, and [rad]
 _WRONG = 0.02  # of the poses: where more are probably off by two such deviations and more, it is said
@@ -200,7 +201,28 @@ def follow(
     list of Shared or None
         None for an object that is in none of these scans; no list where the known objects do not explain them.
     """
-    rows = _rows(known[:MOST_OBJECTS], readings, touched, sensor, names, sigma)
+    for guess in _guesses(known[:MOST_OBJECTS]):
+        rows = _rows(guess, readings, touched, sensor, names, sigma)
+        found = _followed(rows, guess, readings, distribution)
+        if found is not None:
+            return found
+    return None
+
+
+def _guesses(known: Sequence[Alone]) -> Iterator[Sequence[Alone]]:
+    """Yield known objects, then with one of them by the outline of a rival: with a wrong one the scans do not fit."""
+    yield known
+    others = [(i, k, rival) for k, one in enumerate(known) for i, rival in enumerate(one.rivals)]
+    for _, k, rival in sorted(others, key=lambda other: other[:2])[:_GUESSES]:
+        own = known[k]
+        rest = tuple(o for o in (own.corners, *own.rivals) if o is not rival)
+        yield [*known[:k], replace(own, corners=rival, rivals=rest), *known[k + 1 :]]
+
+
+def _followed(
+    rows: _Rows, known: Sequence[Alone], readings: Mapping[int, FloatArray], distribution: str
+) -> list[Shared | None] | None:
+    """Return for each known object what its rows add; None where the objects do not explain them."""
     open_rows = _unexplained(rows, known, readings)
     windows = [
         w for w in np.split(open_rows, np.flatnonzero(np.diff(rows.numbers[open_rows]) > 1) + 1) if len(w)
