@@ -395,13 +395,6 @@ class Object:
         )
 
     @property
-    def told_by_others(self) -> FloatArray:
-        """Information on its corners' shape (2 N, 2 N) [1/mm^2] of the scans in which it shares strips."""
-        told = self.shared[-1].told if self.shared else None
-        size = self.found.fit.corners.size
-        return np.zeros((size, size)) if told is None else told
-
-    @property
     def unexplained(self) -> Object:
         """It with the advice that what it shares strips with is not known."""
         return replace(self, shared=(*self.shared, Shared(self.found.fit.corners, {}, advice=_UNEXPLAINED)))
@@ -680,10 +673,9 @@ def _of_group(group: list[Episode], read: Readings) -> dict[int, FloatArray]:
 def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | None) -> Track:
     """Return what is known of an object over time."""
     fit, skin, total = one.found.fit, read.skin, len(scans)
-    sensor, beside = skin.sensor, one.told_by_others
+    sensor = skin.sensor
     if _signed_area(fit.corners) < 0.0:
         fit = replace(fit, corners=fit.corners[::-1])
-        beside = beside.reshape(len(fit.corners), 2, -1, 2)[::-1, :, ::-1].reshape(beside.shape)
     corners, first = fit.corners, int(np.argmin(one.shown))
     middle, angle = corners.mean(axis=0), float(fit.poses[first, 2])
     outline, spin = _turned(corners - middle, angle), _turned(np.eye(2), angle)
@@ -692,7 +684,7 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
     deviation = offsets.upper if offsets else not_ruled_out(one.scans, fit)
     if deviation:
         equations = with_offsets(one.scans, fit, equations, deviation)
-    shape, of_poses = covariances(equations, corners, fit.poses, freer_spline(fit.basis), beside)
+    shape, of_poses = covariances(equations, corners, fit.poses, freer_spline(fit.basis))
     wider = _following(one, fit)
     shape = wider**2 * shape
     all_spin = np.kron(np.eye(len(corners)), spin.T)
@@ -705,7 +697,7 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
     poses[:, 2] = _less_than_half_turns(poses[:, 2])
     advice, note, alone = "", "", None
     explained = content(one.scans, fit, read.distribution)
-    if one.scans.strips_touched < LEAST_STRIPS and not beside.any():
+    if one.scans.strips_touched < LEAST_STRIPS and not one.shared:
         advice = _SMALL
     elif not explained:
         times = math.sqrt(fit.cost / fit.freedom(one.scans))

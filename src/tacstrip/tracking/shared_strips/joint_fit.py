@@ -16,7 +16,6 @@ from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.core.binding import Loss
 from tacstrip.core.hull import HullScans, hull_equations
 from tacstrip.core.rigid import DAMPING, EASED, HOPELESS, LEAST, PINNED, Equations, loss
-from tacstrip.tracking.rigid.covariance import rigid_motions
 
 _DONE = 0.02  # gain in chi square that ends a descent
 _AT_ONCE = 64  # scans whose covariances are found together
@@ -98,12 +97,10 @@ def fitted(
     return scene
 
 
-def covariances(
+def pose_covariances(
     scans: HullScans, scene: Scene, rows: BoolArray, anchors: Sequence[int], shown: IntArray
-) -> tuple[FloatArray, list[FloatArray]]:
+) -> FloatArray:
     """Return the covariances of the poses (T, K, 3, 3) of some scans (numbers), NaN elsewhere and where absent.
-
-    And of each outline's shape alone, (2 N_k, 2 N_k) [mm^2]: moved and turned as a whole it is the same.
 
     Parameters
     ----------
@@ -132,12 +129,12 @@ def covariances(
     anywhere = max(float(np.ptp(o)) for o in scene.outlines) ** 2  # what the readings do not hold at all
     pinned = vector / np.maximum(value, 1.0 / anywhere) @ vector.T
     as_motion = np.zeros((count, 3, pinned.shape[0]))
-    first, shapes = 0, list[FloatArray]()
+    first = 0
     for k, outline in enumerate(scene.outlines):
-        rigid, own = rigid_motions(outline), slice(first, first + outline.size)
-        as_motion[k, :, own] = np.linalg.pinv(rigid)
-        inner = np.eye(outline.size) - rigid @ as_motion[k, :, own]
-        shapes.append(np.asarray(inner @ pinned[own, own] @ inner.T))
+        rigid = np.zeros((outline.size, 3))
+        rigid[::2, 0] = rigid[1::2, 1] = 1.0
+        rigid[::2, 2], rigid[1::2, 2] = -outline[:, 1], outline[:, 0]
+        as_motion[k, :, first : first + outline.size] = np.linalg.pinv(rigid)
         first += outline.size
     cov = np.full((many, count, 3, 3), np.nan)
     for start in range(0, len(shown), _AT_ONCE):
@@ -154,7 +151,7 @@ def covariances(
                 turned = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
                 by = turned @ as_motion[k] - by_corner[scan * width + 3 * k : scan * width + 3 * k + 3]
                 cov[scan, k] = own[at, at] + by @ pinned @ by.T
-    return cov, shapes
+    return cov
 
 
 def expected(scene: Scene, rows: BoolArray) -> tuple[FloatArray, FloatArray]:

@@ -16,7 +16,7 @@ from tacstrip.geometry.pose import in_frame, placed
 from tacstrip.reconstruction.polygon.goodness_of_fit import chi_square_score
 from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.shared_strips.beam import SAME, Way, ways
-from tacstrip.tracking.shared_strips.joint_fit import Scene, covariances, expected, fitted
+from tacstrip.tracking.shared_strips.joint_fit import Scene, expected, fitted, pose_covariances
 
 _BEFORE = 4  # scans before a window that its beam begins with
 _CANDIDATES = 3  # of each direction that are fitted
@@ -127,8 +127,6 @@ class Shared:
         Those of `Alone.rivals` that explain all scans as well, fitted to them, and how much worse their criterion is.
     advice
         What is doubtful there; empty when all is well.
-    told
-        Information (2 N, 2 N) [1/mm^2] on the corners' shape, beyond that of the scans alone.
     """
 
     corners: FloatArray
@@ -139,7 +137,6 @@ class Shared:
     joint: tuple[int, ...] = ()
     rivals: tuple[tuple[FloatArray, float], ...] = ()
     advice: str = ""
-    told: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -668,7 +665,7 @@ def _shared(
     anchors = [
         int(np.flatnonzero(some.alone[:, k])[0]) if some.alone[:, k].any() else 0 for k in range(len(part))
     ]
-    spread, shapes = covariances(some.hull, scene, some.follows, anchors, np.flatnonzero(shared))
+    spread = pose_covariances(some.hull, scene, some.follows, anchors, np.flatnonzero(shared))
     found: list[Shared | None] = []
     for k in range(len(part)):
         if not part[k]:
@@ -696,24 +693,10 @@ def _shared(
         found.append(
             Shared(
                 scene.outlines[k], again, numbers.tolist(), scene.poses[mine, k], spread[mine, k],
-                _sharing(some, scene, mine, k), tuple(rivals[k]), "; ".join(advice), _told(some, scene, k, shapes[k]),
+                _sharing(some, scene, mine, k), tuple(rivals[k]), "; ".join(advice),
             )
         )  # fmt: skip
     return found
-
-
-def _told(some: _Rows, scene: Scene, k: int, shape: FloatArray) -> FloatArray | None:
-    """Return what a covariance (2 N, 2 N) of an outline's shape tells beyond the scans in which it is alone."""
-    alone = np.flatnonzero(some.alone[:, k])
-    if not len(alone):
-        return None
-    lone = replace(scene, poses=scene.poses[alone], present=scene.present[alone], costs=scene.costs[alone])
-    before, few = _some(some, alone), np.zeros(len(scene.outlines), dtype=int)
-    known = covariances(before.hull, lone, before.follows, few.tolist(), few[:0])[1][k]
-    value, vector = np.linalg.eigh(
-        np.linalg.pinv(shape, hermitian=True) - np.linalg.pinv(known, hermitian=True)
-    )
-    return np.asarray(vector * np.maximum(value, 0.0) @ vector.T)
 
 
 def _sharing(some: _Rows, scene: Scene, mine: IntArray, k: int) -> tuple[int, ...]:
