@@ -15,6 +15,8 @@ from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.cli import cli
 from tacstrip.core.hull import available
 from tacstrip.core.rigid import RigidScans
+from tacstrip.tracking.rigid.corners import Fit
+from tacstrip.tracking.rigid.search import Found
 from tacstrip.tracking.shared_strips import lone_ends
 
 pytestmark = pytest.mark.skipif(not available(), reason="compiled only")
@@ -140,6 +142,34 @@ def test_where_nothing_comes_or_goes_no_end_is_searched(monkeypatch: pytest.Monk
 
     assert searched(smooth) == []
     one_end = [(9, 1), (9, 2)]
-    assert searched(jumps) == 2 * one_end  # all scans before and after it show one object, or there are none such
+    assert (
+        searched(jumps) == 2 * one_end
+    )  # all scans before and after it show one object, or there are none such
     assert searched(jumps, both=True) == one_end  # the first end has none: the last one would be of no use
     assert searched(spreads)[:2] == [(6, 1), (9, 1)]  # up to the jump where the shortest stretch fails
+
+
+def test_where_a_first_change_comes_too_late_the_jumps_are_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second object comes without a sudden change in the tenth of thirty scans, and something else jumps later."""
+
+    def stretch(scans: RigidScans, distribution: str, effort: int = 0) -> str | None:
+        return "found" if len(scans.k) <= 10 else None
+
+    monkeypatch.setattr(lone_ends, "rigid_stretch", stretch)
+    monkeypatch.setattr(lone_ends, "_jumps", lambda scans: [10, 14])
+    k = 0.3 + np.zeros((30, 2, 10))
+    k[14:, 0, 4] += 0.2
+    found = lone_ends.lone_ends(RigidScans(ten_strips(), ("kh", "kl"), k, 0.003), "uniform", (False,))
+    assert [some for some, _ in found] == [range(10)]
+
+
+def test_rivals_that_are_alike_are_named_once() -> None:
+    """Three outlines of a square: moved by 2 mm, by 2.1 mm, and as it is found."""
+    square, poses = 20.0 * np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]), np.zeros((3, 3))
+
+    def wider(by: float) -> Fit:
+        return Fit(square + np.array([(0.0, 0.0), (by, 0.0), (by, 0.0), (0.0, 0.0)]), poses, np.zeros(3))
+
+    found = Found(wider(0.0), np.arange(3), ((wider(2.1), 3.0), (wider(2.0), 1.0), (wider(0.1), 0.0)))
+    (other,) = found.unlike(0.5)
+    assert np.ptp(other, axis=0) == pytest.approx((22.0, 20.0))
