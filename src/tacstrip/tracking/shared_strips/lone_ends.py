@@ -45,9 +45,8 @@ def lone_ends(
         first = total - int(changes[-1]) if from_end else int(changes[0])
         shortest = max(min(lengths), min(first, max(lengths)))
         tried = [shortest, *(n for n in cuts[::-1] if n != shortest and 2 * n > shortest)]
-        best = _longest(scans, tried, from_end, distribution, 1) or _longest(
-            scans, tried, from_end, distribution, 2
-        )
+        best = _longest(scans, tried, from_end, distribution, 1)
+        best = best or _longest(scans, tried[:1], from_end, distribution, 2)
         if best is None:
             if both:
                 break
