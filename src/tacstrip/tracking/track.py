@@ -389,9 +389,7 @@ class Object:
             [self.shown[i] for i in order],
             fit.poses[order],
             self.scans.k[order],
-            tuple(o for o, _ in self.found.others)
-            if self.found.spread_mm > _TOLD * self.scans.sensor.pitch_mm
-            else (),
+            tuple(self.found.unlike(_TOLD * self.scans.sensor.pitch_mm)),
         )
 
     @property
@@ -701,7 +699,7 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
     poses[:, 2] = _less_than_half_turns(poses[:, 2])
     advice, note, alone = "", "", None
     explained = content(one.scans, fit, read.distribution)
-    if one.scans.strips_touched < LEAST_STRIPS:
+    if one.scans.strips_touched < LEAST_STRIPS and not one.shared:
         advice = _SMALL
     elif not explained:
         times = math.sqrt(fit.cost / fit.freedom(one.scans))

@@ -44,6 +44,11 @@ _NEAR = 6  # fits that are tried on the best of them
 LEAST_STRIPS = 3  # that a scan touches: fewer tell hardly more than a pose
 FEW_STRIPS = 12  # that read an outline at few places, the same ones as long as it does not move across them
 _KEPT = 3  # paths that are made polygons of
+_FEW_A_SCAN = (
+    6  # strips: scans that touch fewer explain one another at many wrong turns, so that all are tried
+)
+_EXPLORED = 3  # rounds of looking beside a fit, as long as that finds a better one
+_RECOUNTED = 12  # polygons that are recounted one by one where none of all turns explains the scans
 _SATISFIED = 1.15  # of the freedom: a chi square that ends the search
 _ALARM, _HARDLY_MORE = 3.5, 1.05  # deviations of chi square, and times the freedom
 _WITHIN = 8.0  # of the best criterion: fits that explain the readings as well
@@ -112,6 +117,16 @@ class Found:
         return max(
             (float(shapely.Polygon(o).buffer(0).hausdorff_distance(own)) for o, _ in self.others), default=0.0
         )
+
+    def unlike(self, least_mm: float) -> list[FloatArray]:
+        """Return the rivals' corners in the fit's frame, the likeliest first, without those that one before is like."""
+        kept, shapes = list[FloatArray](), [shapely.Polygon(self.fit.corners).buffer(0)]
+        for outline, _ in sorted(self.others, key=lambda pair: -pair[1]):
+            shape = shapely.Polygon(outline).buffer(0)
+            if min(float(shape.hausdorff_distance(s)) for s in shapes) > least_mm:
+                kept.append(outline)
+                shapes.append(shape)
+        return kept
 
     def of_other_count(self, least_mm: float) -> int:
         """Return how many corners the likeliest rival has that has more or fewer and is off by so much; 0: none is.
@@ -269,17 +284,50 @@ def search(
     return found
 
 
-def rigid_stretch(scans: RigidScans, distribution: str, *, thorough: bool = False) -> Found | None:
-    """Return the fit of all scans; None where no rigid outline explains them. If not thorough, searched for quickly."""
+def rigid_stretch(scans: RigidScans, distribution: str, effort: int = 0) -> Found | None:
+    """Return the fit of all scans; None where no rigid outline explains them.
+
+    Efforts: a quick look (0), a whole search (1), and the corners of many rough outlines counted (2).
+    """
     starts = Starts(scans)
-    if not thorough and not starts.erratic and not needs_smooth_motion(scans):
+    plain = not starts.erratic and not needs_smooth_motion(scans)
+    if effort == 0 and plain:
         fits = starts.pruned(starts.best(_TURNS, _KEPT))
         if min(len(bad_scans(starts.few, f)) for f in fits) > _LOST * len(starts.chosen):
             return None
-    found = search(
-        scans, distribution, offsets=False, thorough=thorough, starts=starts, round_and_round=False
-    )
+    if effort > 0 and plain and scans.strips_touched < _FEW_A_SCAN:
+        found = _on_all_turns(starts, distribution, counted=effort > 1)
+    else:
+        found = search(
+            scans, distribution, offsets=False, thorough=effort > 0, starts=starts, round_and_round=False
+        )
     return found if content(scans, found.fit, distribution) else None
+
+
+def _on_all_turns(starts: Starts, distribution: str, *, counted: bool) -> Found:
+    """Return the best fit from the outlines of all turns, however badly these explain the scans while they are rough.
+
+    Then from beside it, too: which side of a strip a corner passes, few strips hardly tell. Where none explains the
+    scans and `counted`, the best ones have their corners counted one by one until one does: with a corner too many or
+    too few they stay far from any good fit.
+    """
+    scans, turns = starts.scans, starts.best(_FINE_TURNS, len(_FINE_TURNS))
+    found = _polygons(starts, scans, turns, distribution)
+    if content(scans, found.fit, distribution):
+        for _ in range(_EXPLORED):
+            fits, least = [found.fit, *(fit for fit, _ in found.rivals)], found.fit.criterion(scans)
+            found = _compared(scans, [*fits, *explored(scans, found.fit)], distribution)
+            if found.fit.criterion(scans) > least - 0.5:
+                break
+        return found
+    if not counted:
+        return found
+    fits = [f for f in starts.pruned(turns) if _plausible(starts.few, f)]
+    for rough in sorted(fits, key=lambda f: f.criterion(starts.few))[:_RECOUNTED]:
+        fit = recounted(scans, _on_all(scans, starts.chosen, rough))[0]
+        if content(scans, fit, distribution):
+            return _compared(scans, [fit], distribution)
+    return found
 
 
 def _with_offsets(
