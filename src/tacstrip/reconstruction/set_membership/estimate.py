@@ -34,9 +34,16 @@ from tacstrip.reconstruction.set_membership.feasible_set import Effort, feasible
 from tacstrip.reconstruction.set_membership.outlines import draw_outlines, scatter, shuffled_ends
 
 _MARGINS = (0.25, 0.5, 1.5, 4.0)  # of the found kinks' span: how much wider the zones are on either side
-_NEAREST = 240  # bounds that are used; leaving some out makes the regions larger, never wrong
+_MOST_BOUNDS = 240  # bounds that are used; leaving some out makes the regions larger, never wrong
 _ROUNDING = 1e-6  # of the pitch: regions are larger by it than linear programs say
 _STEPS = 20
+_ROOM = 6  # what the core works in, of each height and each reading or outline
+_EFFORT = 1_500.0  # for one outline
+_REACH, _FURTHER = 4.0, 12.0  # standard errors of least squares within which a kink is looked for
+_NORMAL = -2.0 * math.log(
+    1.0 - LEVEL
+)  # squared Mahalanobis distance that holds so much of a normal error in the plane
+_BENT = 0.05  # of a reading's band: by how much the mean may leave it, as the set is not quite convex
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +112,7 @@ class _Search:
         slack = self.bounds.b - self.bounds.a @ self.middle
         norm = np.linalg.norm(a, axis=1)
         a, slack = a / norm[:, None], slack / norm
-        near = largest(-slack, _NEAREST)
+        near = largest(-slack, _MOST_BOUNDS)
         self.a, self.slack = np.ascontiguousarray(a[near].T).T, slack[near]  # as the core takes it
         self._from_the_middle()
 
@@ -216,15 +223,6 @@ def _sure(
     sure = np.all((x <= zones[:, :1]) | (zones[:, 1:] <= x), axis=0)
     first = [(part[:, 1:] <= x).sum(axis=0) for part in (zones[:split], zones[split:])]
     return sure, lines.rows(first[0], x), lines.rows(lines.lower + first[1], x)
-
-
-_ROOM = 6  # what the core works in, of each height and each reading or outline
-_EFFORT = 1_500.0  # for one outline
-_REACH, _FURTHER = 4.0, 12.0  # standard errors of least squares within which a kink is looked for
-_NORMAL = -2.0 * math.log(
-    1.0 - LEVEL
-)  # squared Mahalanobis distance that holds so much of a normal error in the plane
-_BENT = 0.05  # of a reading's band: by how much the mean may leave it, as the set is not quite convex
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,6 +24,9 @@ from tacstrip.sensor.closed_form import end_weights, sensing_share, transfer_len
 from tacstrip.sensor.constructions import SIGNATURES
 
 _LOST = 2  # the turn on a strip in two zones of one chain: any of three lines
+_PARTS = 16  # looked at, at most
+_DESCENTS = 8  # rounds of one
+_SCALE = 0.01  # of the strip length: far outside
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,11 +224,6 @@ def _crossing_rows(lines: EdgeLines, zones: FloatArray, windows: FloatArray) -> 
         gap = lines.rows(pairs[:, 1], inside[:, end]) - lines.rows(pairs[:, 0], inside[:, end])
         rows.append(sign * turns[:, None] * gap)
     return np.concatenate(rows)
-
-
-_PARTS = 16  # looked at, at most
-_DESCENTS = 8  # rounds of one
-_SCALE = 0.01  # of the strip length: far outside
 
 
 class Effort:
