@@ -25,6 +25,7 @@ from tacstrip.sensor.spec import Sensor
 
 _CELLS_PER_LAMBDA = 40
 _FEWEST, _MOST = 16, 20_000
+_SAME_Y = 1e-12  # of the strip length
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,9 +132,6 @@ def make_mesh(
         if on_both.any():
             mesh.pieces[number] = np.clip(pieces[on_both], bottom, top)
     return mesh
-
-
-_SAME_Y = 1e-12  # of the strip length
 
 
 def network_readings(

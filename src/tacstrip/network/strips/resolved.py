@@ -35,6 +35,8 @@ from tacstrip.sensor.spec import Sensor
 
 _SAME = 1e-9  # of a cell: closer positions are one node
 _STEEP = 8  # an edge that runs further along the strip than this many widths gets longer cells
+_FEWEST, _MOST, _PER_LAMBDA = 32, 128, 4  # by default
+_SLIVER = 1e-10  # of the largest share of a contact; less is rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,8 +206,6 @@ def _steps(distance: float, h: float, decay: float) -> FloatArray:
 
 
 MOST = 256  # cells across
-_FEWEST, _MOST, _PER_LAMBDA = 32, 128, 4  # by default
-_SLIVER = 1e-10  # of the largest share of a contact; less is rounding
 
 
 @takes(sensor=Sensor, contact=Contact)

@@ -30,6 +30,9 @@ from tacstrip.sensor.constructions import SIGNATURES, check_closed_form
 from tacstrip.sensor.spec import Sensor
 
 _ROUNDING = 1e-6  # of the strip length: off the sensor by less is rounding, not noise
+_SAME_X = 1e-9  # of the strip length
+_EROSION_STEPS = 100
+_WEAK = 2.0  # standard deviations below which a kink's sign is not to be trusted
 
 
 def judge(sensor: Sensor, polygon: FloatArray, weak_x: FloatArray) -> tuple[Status, str]:
@@ -118,9 +121,6 @@ def _chains_cross(polygon: FloatArray) -> bool:
 
 
 _READINGS = ("section", "strip")
-_SAME_X = 1e-9  # of the strip length
-_EROSION_STEPS = 100
-_WEAK = 2.0  # standard deviations below which a kink's sign is not to be trusted
 
 
 @takes(scan=Scan, sensor=Sensor, noise=Noise)

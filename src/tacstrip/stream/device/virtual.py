@@ -35,6 +35,8 @@ from tacstrip.stream.device.protocol.scans import encode_scan
 from tacstrip.stream.source import RawScan
 
 _MAX_BURST = 256  # scans sent at once; older ones are skipped and counted as `late`
+_WAIT_S = 0.05
+_BYTES = 4096
 
 
 class VirtualDevice:
@@ -204,10 +206,6 @@ class Loopback:
     def close(self) -> None:
         """Close the line."""
         self._open = False
-
-
-_WAIT_S = 0.05
-_BYTES = 4096
 
 
 class PtyDevice:

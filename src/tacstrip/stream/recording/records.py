@@ -36,6 +36,7 @@ _CHUNK = re.compile(
     rb"\x06.{4}\0{4}.{16}.{4}\0{4}.{4}(?:\0{4}|\x03\0{3}lz4|\x04\0{3}zstd).{4}\0{4}", re.DOTALL
 )
 _MAX_MATCH = 53  # most bytes that the pattern matches
+_BROKEN = (McapError, zstandard.ZstdError, struct.error, ValueError, MemoryError, OverflowError)
 
 
 def head(file: IO[bytes], at: int, size: int) -> tuple[int, int] | None:
@@ -202,9 +203,6 @@ class Records:
                     now.whole = self._file.read(len(MAGIC) + 1) == MAGIC
                     break
             now.damage += [fault] if fault else []
-
-
-_BROKEN = (McapError, zstandard.ZstdError, struct.error, ValueError, MemoryError, OverflowError)
 
 
 def _chunk_records(data: bytes) -> Iterator[tuple[int, bytes]]:

@@ -38,6 +38,7 @@ from tacstrip.thesis.shapes import POSITIONS, SHAPES, SIMULATED
 Verdict: TypeAlias = tuple[bool, bool]  # below the printed value, at the bound's median
 _DRAWS = 100  # of the bound
 WITHIN = 1.15  # of the bound's median counts as reaching it
+_SEEDS_PER_FIT = 4  # the polygon fit takes much longer
 
 
 @dataclass(frozen=True)
@@ -125,7 +126,6 @@ NOISES = {
     "quantisation + profile I": Noise(quantisation=0.001, positional=0.005, transition_mm=5.0),
     "quantisation + profile II": Noise(quantisation=0.001, positional=0.01, transition_mm=5.0),
 }
-_SEEDS_PER_FIT = 4  # the polygon fit takes much longer
 
 
 @dataclass(frozen=True)

@@ -54,6 +54,8 @@ from tacstrip.thesis.ranges import is_inside, ranges
 MEASURES = {"mc": "mc", "mc_rad": "mc", "aoe": "aoe", "ape": "ape"}
 _PROFILES = {"profile I": Noise(positional=0.005), "profile II": Noise(positional=0.01)}
 PROFILE_II = _PROFILES["profile II"]
+_HALF_DIGIT_VOLT = 0.0005
+_HALF_DIGIT_PERCENT = 0.05
 
 
 @dataclass(frozen=True)
@@ -222,8 +224,6 @@ def _left_to_right(corners: FloatArray) -> FloatArray:
 
 
 UNIT_MM = 10.0
-_HALF_DIGIT_VOLT = 0.0005
-_HALF_DIGIT_PERCENT = 0.05
 
 
 def widths_mm(sensor: Sensor) -> tuple[float, ...]:
