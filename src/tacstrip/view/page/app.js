@@ -21,11 +21,10 @@ const place = (things) => { placed = things; if (!placing) sendPlaced(); };
 const polygons = new Objects(surface, place), solids = new Solids(surface, place, showSolid);
 let placed = null, placing = false, objects = polygons;
 
-// At most one message about objects a screen refresh, the newest.
+// At most one message about objects a screen refresh, the newest; without a connection it waits for one.
 function sendPlaced() {
   placing = true;
-  link.send({ do: "place", objects: placed });
-  placed = null;
+  if (link.send({ do: "place", objects: placed })) placed = null;
   requestAnimationFrame(() => { if (placed) sendPlaced(); else placing = false; });
 }
 

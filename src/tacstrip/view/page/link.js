@@ -26,8 +26,11 @@ export function connect(hear, state) {
       wait = Math.min(2 * wait, 4000);
     };
   };
+  // Returns whether there is a connection to send it by.
   link.send = (message) => {
-    if (link.socket.readyState === WebSocket.OPEN) link.socket.send(JSON.stringify(message));
+    const there = link.socket.readyState === WebSocket.OPEN;
+    if (there) link.socket.send(JSON.stringify(message));
+    return there;
   };
   open();
   return link;
