@@ -6,16 +6,17 @@ import numpy as np
 import pytest
 
 from tacstrip.arrays import FloatArray
+from tacstrip.core.convex_chain import convex_regression
 from tacstrip.reconstruction.pieces import pair
 
 
 def test_no_chain_is_fitted_to_no_strips(monkeypatch: pytest.MonkeyPatch) -> None:
     """One object may be on all strips; the other's end there has none."""
-    fitted, sizes = pair.convex_regression, []
+    sizes: list[int] = []
 
     def counted(x: FloatArray, y: FloatArray, weight: FloatArray) -> tuple[FloatArray, int]:
         sizes.append(len(x))
-        return fitted(x, y, weight)
+        return convex_regression(x, y, weight)
 
     monkeypatch.setattr(pair, "convex_regression", counted)
     x = np.arange(12.0)

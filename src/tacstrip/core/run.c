@@ -107,8 +107,8 @@ static double fit_without(Fitter *f, double sigma, Flag *out, Run *run) {
    as a vertex: a notch one strip wide has at least three, a fault one or two readings, and a corner cut off a whole side. */
 static double penalised_cost(const Fitter *f, const Run *run, const Flag *out, double scale) {
   Int used = 0, excluded = 0;
-  const Polygon *best = run->found + run->best;
   if (run->count == 0) return INFINITE;
+  const Polygon *best = run->found + run->best;
   for (Int i = 0; i < f->all; i++) {
     used += !out[i];
     excluded += out[i] && f->there[i];
