@@ -75,7 +75,7 @@ live @s.toml @r.csv --no-view --json --speed 1000
 live @r.mcap --no-view --json --speed 1000 -o %out.mcap
 doctor @r.csv --sensor @s.toml --json
 doctor @r.mcap
-noise @still.csv --sensor @s.toml -o %out.toml
+noise @still.csv @s.toml -o %out.toml
 noise @r.mcap
 spice @s.toml @c.wkt -o %out.cir
 limits @s.toml @c.geojson --positional 0.01 --grid 2 -o %out.json

@@ -107,8 +107,8 @@ static double fit_without(Fitter *f, double sigma, Flag *out, Run *run) {
    as a vertex: a notch one strip wide has at least three, a fault one or two readings, and a corner cut off a whole side. */
 static double penalised_cost(const Fitter *f, const Run *run, const Flag *out, double scale) {
   Int used = 0, excluded = 0;
-  const Polygon *best = run->found + run->best;
   if (run->count == 0) return INFINITE;
+  const Polygon *best = run->found + run->best;
   for (Int i = 0; i < f->all; i++) {
     used += !out[i];
     excluded += out[i] && f->there[i];
@@ -256,7 +256,6 @@ static double swept_share(const double *corners, Int count, const double *covari
 /* Say what the fit leaves over, and in mm what the chosen polygon is. */
 static void describe(const RunTask *task, const Problem *now, const double *const *normal, Int draws, double *workspace) {
   Run *run = task->run;
-  const Polygon *best = run->found + run->best;
   const double *mm = task->mm, *r = task->residuals;
   double corners[SIZE + 2], unit[2 * MAX_VERTICES + 8];
   Int n = now->n, low = 2, count = 0;
@@ -269,6 +268,7 @@ static void describe(const RunTask *task, const Problem *now, const double *cons
     if (i % n) run->pairs += r[i] * r[i - 1];
   }
   if (run->count == 0) return;
+  const Polygon *best = run->found + run->best;
   for (Int j = 0; j < best->m; j++) low += !best->upper[j];
   Int high = best->m + 4 - low;
   double *lower = run->points, *upper = lower + 2 * low;

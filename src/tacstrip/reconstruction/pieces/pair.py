@@ -91,6 +91,8 @@ def likeliest_pair(
     def chain(side: int, begin: int, end: int, inside: bool) -> tuple[FloatArray, float]:
         """Return the convex chain of the strips from begin to end, or of the others, and its chi square."""
         own = _strips(n, begin, end) == inside
+        if not own.any():  # the other one's, of one that is on all strips
+            return y[side, own], 0.0
         fitted, _ = convex_regression(ends.x[own], y[side, own], weight[side, own])
         return fitted, float((weight[side, own] * (y[side, own] - fitted) ** 2).sum())
 
