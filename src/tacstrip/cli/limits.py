@@ -368,8 +368,8 @@ def _show_designs(
         )
     reached = reached or others
     click.echo(
-        "`error` [mm RMS], `area %`: bounds with the noise that you gave, of nine places of ten; `noise %`: the largest "
-        "that still reaches what is wanted (half-width, % of Vref)"
+        "`error` [mm RMS], `area %`: bounds with the noise that you gave, of nine places of ten; `noise %`: the "
+        "largest that still reaches what is wanted (half-width, % of Vref)"
     )
     click.echo(
         f"{'construction':<13}{'strips':>7}{'pitch':>8}{'length':>8}{'bits':>5}{'error':>9}{'area %':>8}{'noise %':>9}"
