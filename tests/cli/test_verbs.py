@@ -51,6 +51,10 @@ def test_from_spec_to_shape(folder: Path) -> None:
     assert "scan 0, polygon: ok" in done.stderr
     (feature,) = json.loads((folder / "o.geojson").read_text())["features"]
     assert feature["properties"]["area_mm2"] == pytest.approx(50.0 * 35.0, rel=0.03)
+    assert "outermost strips" not in done.stderr
+    _good(run(folder, "simulate", "mine.toml", "rectangle.wkt", "-o", "r.csv", "--at", 5, 150, "--turn", 30))
+    done = _good(run(folder, "reconstruct", "mine.toml", "r.csv", "-o", "o2.geojson"))
+    assert "1 object(s) reach the sensor's outermost strips: they may hang over its edge" in done.stderr
     for picture in ("sim.png", "o.png"):
         assert (folder / picture).read_bytes()[:4] == b"\x89PNG"
 

@@ -327,6 +327,15 @@ def test_fits_are_checked_beside_the_bound(folder: Path) -> None:
     rms = [np.sqrt(np.mean(np.square(v))) for v in (found.bound_mm, found.rms_mm)]
     assert [float(v) for v in last[3:5]] == pytest.approx(rms, rel=0.01)
     assert last[-1] == f"{100 * found.ok.mean():.0f}%"
+    found = check(replace(sensor, adc_bits=12), outline, noise, 6)
+    rms, nine = np.sqrt(np.mean(np.square(found.rms_mm))), found.rms_mm.max()  # nine of ten of six are all
+    wanted = 0.5 * (rms + nine)
+    done = run(folder, "limits", "five.toml", "four.wkt", "--positional", 0.005, "--grid", 2, "--wanted-mm", wanted,
+               "--construction", "crs-crs", "--length", 100, "--try-bits", 12, "--pitch", 5, "--check", 6)  # fmt: skip
+    first, second = done.stdout.splitlines()[-2:]
+    assert first.startswith("On none of these are nine fits of ten within what is wanted")
+    figures = f"{rms:.3g} mm (nine of ten: {nine:.3g})"
+    assert second == f"The RMS of the fits is within it on pitch 5 mm, crs-crs: {figures}"
 
 
 def test_why_no_pitch_does_is_named(folder: Path) -> None:

@@ -255,8 +255,14 @@ def test_without_cyclone_the_message_says_how_to_get_it(monkeypatch: pytest.Monk
     monkeypatch.delitem(sys.modules, "tacstrip.stream.bridges.cyclone", raising=False)
     for name in ("cyclonedds", "cyclonedds.core"):
         monkeypatch.setitem(sys.modules, name, None)
-    with pytest.raises(ts.OptionError, match=r"--ros2 needs cyclonedds: pip install 'tacstrip\[ros2\]'"):
-        Ros2(_live(), domain=DOMAIN)
+    for machine, how in (
+        ("x86_64", r": pip install 'tacstrip\[ros2\]'"),
+        ("aarch64", ", which is not built for"),
+    ):
+        monkeypatch.setattr("platform.machine", lambda machine=machine: machine)
+        monkeypatch.setattr("sys.platform", "linux")
+        with pytest.raises(ts.OptionError, match=f"--ros2 needs cyclonedds{how}"):
+            Ros2(_live(), domain=DOMAIN)
     monkeypatch.setenv("ROS_DOMAIN_ID", "zero")
     with pytest.raises(ts.OptionError, match="ROS_DOMAIN_ID zero: must be"):
         Ros2(SimpleNamespace())  # type: ignore[arg-type]

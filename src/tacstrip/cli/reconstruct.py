@@ -26,7 +26,9 @@ from tacstrip.reconstruction.methods import chosen_method, reconstruct
 from tacstrip.reconstruction.result import Reconstruction
 from tacstrip.scan import Scan
 from tacstrip.sensor.layers import LayeredSensor, unit_of
+from tacstrip.sensor.left_out import left_out_wholly
 from tacstrip.sensor.raw import invert_calibration
+from tacstrip.sensor.spec import Sensor
 
 _MOST_LINES = 20
 _NOISELESS = ("vertex", "profile")  # methods that take no account of noise
@@ -145,6 +147,11 @@ def command(
     source = "" if chosen in _NOISELESS else options.noise_source(known, unit)
     around_mm = unit.width_mm if unit.closed else None
     _report(results, contact, around_mm, source)
+    if not layered and known_object is None and (over_edge := _at_the_border(results, unit)):
+        note(
+            f"{over_edge} object(s) reach the sensor's outermost strips: they may hang over its edge, and area and "
+            "outline are of what lies on the sensor"
+        )
     if output is not None:
         if output.suffix.lower() == ".csv":
             write_table(output, object_records(results, contact, around_mm=around_mm))
@@ -208,6 +215,15 @@ def _report(
     by_status = ", ".join(f"{status}: {count}" for status, count in counts.most_common() if count)
     of_noise = f"; noise: {noise}" if noise else ""
     note(f"{len(results)} scan(s), {len(lines)} object(s); {by_status}{of_noise}")
+
+
+def _at_the_border(results: list[Reconstruction], sensor: Sensor) -> int:
+    """Return how many objects reach the outermost strips that are not left out; none where the strips close a ring."""
+    read = np.flatnonzero(~left_out_wholly(sensor))
+    if sensor.closed or not len(read):
+        return 0
+    strips = (o.strips for r in results for o in r.objects if o.found)
+    return sum(s.start <= read[0] or s.stop > read[-1] for s in strips)
 
 
 def _line(

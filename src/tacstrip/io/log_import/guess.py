@@ -386,8 +386,8 @@ def _strips(clues: Clues, found: Columns) -> tuple[int, int]:
         said = clues.sensor.strip_base
     if said not in (None, base) and base < 2:
         clues.doubt(
-            f"strips are numbered {low} to {high} in the log, so from {int(base)}, and strip_base = {said} in the "
-            f"spec: the first one, {int(base)}, is strip {said} of the readings"
+            f"the log counts its strips from {int(base)}, the readings from {said}, for strip_base = {said} in the "
+            f"spec: strip {int(base)} of the log is strip {said} of the readings; there is nothing to do"
         )
     return int(base), count or high - int(base) + 1
 

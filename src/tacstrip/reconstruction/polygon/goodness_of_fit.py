@@ -246,6 +246,7 @@ def weakness(
     covariance: FloatArray,
     averaging: str = "average more scans",
     second: str = "use both signatures",
+    noise_given: bool = False,
 ) -> str:
     """Return advice on what the readings leave open of an outline, else nothing.
 
@@ -256,9 +257,11 @@ def weakness(
     vertices, covariance
         Of the outline, counter-clockwise (V, 2) [mm], (2 V, 2 V) [mm^2].
     averaging
-        What advice says of averaging scans, from `averaging_advice`.
+        What advice says of averaging scans, from `averaging_advice`; "" where that cannot help.
     second
         What it says of a second signature, from `signature_advice`.
+    noise_given
+        Whether the noise is known, not estimated.
     """
     if isinstance(model, Ellipse):
         return "this contact looks round: the outline is the ellipse that explains the readings better than corners"
@@ -271,14 +274,18 @@ def weakness(
     if run.ellipse_advantage > _RIVAL:
         return "this contact looks round: an ellipse fits as well; take the outline, not the vertices"
     if selection is not None and selection.equal >= _EQUAL:
-        return (
-            f"{selection.equal} vertex counts fit equally well: the contact is round, or say what is known, the noise "
-            "or the number of vertices; take the outline, not the vertices"
+        why = (
+            "the contact is round, or its number of vertices is open: take the outline, not the vertices. Or it is two "
+            "objects on the same strips: then take neither"
+            if noise_given
+            else "the contact is round, or say what is known, the noise or the number of vertices; take the outline, "
+            "not the vertices"
         )
+        return f"{selection.equal} vertex counts fit equally well: {why}"
     x_sigma = np.sqrt(covariance.diagonal()[::2])
     at = int(np.argmax(x_sigma))
     if x_sigma[at] > _LOOSE * run.problem.width_mm:
-        more = averaging if len(run.problem.k) > 1 else f"{averaging}, or {second}"
+        more = averaging if len(run.problem.k) > 1 else ", or ".join(filter(None, (averaging, second)))
         if x_sigma[at] > run.problem.width_mm:
             return (
                 f"the readings do not tell where along its edges the vertex {_where(vertices[at])} lies; is it one? "

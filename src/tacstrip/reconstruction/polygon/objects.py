@@ -55,7 +55,7 @@ _NEVER = (
 )
 _NAMED = 5  # strips that advice names
 _RATHER_TWO, _NOTED = 0.5, 0.05  # probability of two objects: more, and the count is wrong; less is not told
-_FAINT = "no corner could be distinguished from noise: a line fits as well as the triangle that is given; {}, or {}"
+_FAINT = "no corner could be distinguished from noise: a line fits as well as the triangle that is given; {}"
 _EMPTY = (
     "no polygon stays within the noise's bound on every strip: the noise is larger than given, or the contact is no "
     "polygon of these vertices; the outline is that of least squares"
@@ -125,7 +125,6 @@ def reconstruct_object(
         Mean and standard deviation of the contact's area, where that is known.
     """
     strips, run = contact.strips, contact.run
-    averaging = averaging_advice(noise, sensor, Averaging.of(scan))
     notes = _notes(scan, sensor, contact, around, noise is not None)
     x = sensor.x_mm[strips]
     if run.selection is None:
@@ -176,10 +175,12 @@ def reconstruct_object(
             loose = np.nan_to_num(covariance - slopes, nan=0.0, posinf=0.0, neginf=0.0)
         covariance = errors.propagated(slopes) + loose
     second = signature_advice(sensor) if len(run.problem.k) == 1 else ""
+    never = bool(second) and few_strips(run)
+    averaging = "" if never else averaging_advice(noise, sensor, Averaging.of(scan))
     weak = (
-        _FAINT.format(averaging, second or "use finer strips")
+        _FAINT.format(", or ".join(filter(None, (averaging, second or "use finer strips"))))
         if faint
-        else weakness(run, model, outline.vertices, covariance, averaging, second)
+        else weakness(run, model, outline.vertices, covariance, averaging, second, noise is not None)
     )
     uncounted = _uncounted(contact, fit, assessed, noise is not None, second)
     if (
@@ -189,7 +190,8 @@ def reconstruct_object(
     ):
         # Outlines that the fit did not find explain the readings, and the confidence counts them: for what it is
         # worth where nobody knows the noise.
-        wrong = "" if noise is not None else uncounted or _OTHERS.format(100.0 * run.sigma, second, averaging)
+        remedies = ", ".join(filter(None, (second, averaging)))
+        wrong = "" if noise is not None else uncounted or _OTHERS.format(100.0 * run.sigma, remedies)
     wrong = wrong or uncounted
     if area_mm2 is not None and not wrong:
         wrong = _other_area(outline, covariance, area_mm2)
@@ -207,7 +209,7 @@ def reconstruct_object(
         if not wrong:
             wrong, note = _two_objects(pair.probability, right, sure)
             notes.insert(0, note)
-    enough = ENOUGH if not second else _NEVER if few_strips(run) else ENOUGH_OF_ONE
+    enough = ENOUGH if not second else _NEVER if never else ENOUGH_OF_ONE
     status, advice = _verdict(wrong, weak, assessed, effort, second, averaging, area_mm2 is not None, enough)
     profile = (x, np.interp(x, *outline.lower.T), np.interp(x, *outline.upper.T))
     return RecoveredObject(
@@ -226,8 +228,8 @@ def reconstruct_object(
 
 
 _OTHERS = (
-    "the best outline of few corners is off by {:.2g} % of Vref, and others explain the readings too: {}, {}, or give "
-    "the noise"
+    "the best outline of few corners is off by {:.2g} % of Vref, and others explain the readings too: {}, or give the "
+    "noise"
 )
 
 
@@ -284,7 +286,8 @@ def _verdict(
 ) -> tuple[Status, list[str]]:
     """Return the status, and advice: what the outline does not explain, what is left open, how sure it is.
 
-    `second` is what to do about a second signature, "" where both are read; `enough` the least confidence of an "ok".
+    `second` is what to do about a second signature, "" where both are read; `averaging` "" where neither that nor the
+    area can make it "ok"; `enough` the least confidence of an "ok".
     """
     if wrong:
         return "doubtful", [wrong]
@@ -293,11 +296,11 @@ def _verdict(
         return ("doubtful" if weak else "likely"), [weak, why]
     if assessed.confidence >= enough:
         return ("likely" if effort == "fast" and second else "ok"), [weak]
-    more = f"{second}, {averaging}" if second else f"{averaging}, or use finer strips"
+    more = ", ".join(filter(None, (second, averaging))) if second else f"{averaging}, or use finer strips"
     others = "others explain the readings too" + (
         "" if assessed.alternatives else ", though none of them is likely"
     )
-    narrower = "" if area else ", or give the contact's area"
+    narrower = "" if area or not averaging else ", or give the contact's area"
     likely = enough == _NEVER and assessed.confidence >= ENOUGH_OF_ONE
     why = "; from few strips with one signature that is never certain" if likely else f", for {others}"
     only = "" if likely else " only"
@@ -459,7 +462,9 @@ def _notes(scan: Scan, sensor: Sensor, contact: FittedContact, around: int, know
             ]
         )
         others = [
-            "a corner, for strips so few?" if contact.run.freedom < CHECKS else "",
+            "a corner, for strips so few? Call the channel stuck only if other scans do, too."
+            if contact.run.freedom < CHECKS
+            else "",
             "" if known else "noise? Then give the noise, which is only estimated here",
         ]
         guessed = "".join(f" Or is that {other}" for other in others if other)

@@ -9,7 +9,9 @@ time as their DDS source time stamp, too: a Float32MultiArray has no header.
 from __future__ import annotations
 
 import os
+import platform
 import re
+import sys
 import threading
 import time
 from operator import itemgetter
@@ -238,8 +240,9 @@ def _joined(domain: int, interface: str) -> Participant:
         if error.name is None or error.name.partition(".")[0] != "cyclonedds":
             raise
         raise OptionError(
-            "--ros2 needs cyclonedds: pip install 'tacstrip[ros2]', in a checkout make ros2 (there is none for "
-            "64-bit ARM on Linux: publish from another computer)"
+            "--ros2 needs cyclonedds, which is not built for 64-bit ARM on Linux: publish from another computer"
+            if sys.platform == "linux" and platform.machine() == "aarch64"
+            else "--ros2 needs cyclonedds: pip install 'tacstrip[ros2]', in a checkout make ros2"
         ) from None
     try:
         return Participant(domain, interface)

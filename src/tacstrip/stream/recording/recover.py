@@ -53,8 +53,8 @@ class Recovered:
             places.append(f"and {len(found.damage) - _MAX_DAMAGE_LISTED} places more")
         if not found.whole:
             places.append(
-                f"the end of the file, and {found.lost_bytes} of its {found.total_bytes} bytes, which lie after the "
-                "last whole chunk"
+                f"what was cut off the end, and of the {found.total_bytes} bytes that are left the last "
+                f"{found.lost_bytes}, which are no whole chunk"
                 if found.lost_bytes
                 else "the file was cut after a whole chunk"
             )
