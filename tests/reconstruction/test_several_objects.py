@@ -131,7 +131,7 @@ def test_both_objects_of_an_alternative_are_written_and_drawn() -> None:
     axes = Figure().add_subplot()
     ts.plot.result(found, _TWENTY, ax=axes)
     labels = [line.get_label() for line in axes.lines]
-    assert labels.count(f"alternative: {other.weight:.2f}") == 1
+    assert labels.count(f"alternative 1: {other.weight:.2f}") == 1
     drawn = [np.column_stack(line.get_data())[:-1] for line in axes.lines]
     assert any(line.shape == other.others[0].shape and np.allclose(line, other.others[0]) for line in drawn)
 

@@ -64,7 +64,8 @@ def _lines(rows: list[dict[str, Any]], seeds: int) -> Iterator[str]:
     yield f"Table {first['table']}: {first['algorithm']}, {first['sensor']}{of}"
     yield (
         f"Printed value, then our median (5 % to 95 %) of {seeds} draws; * printed outside our range, - printed so, "
-        "? not readable; `none`: our share without a shape, where there is P.U. with transitions found"
+        "? not readable; `none`: share of draws without a shape, in rows with P.U. if the transitions have to be found "
+        "from the readings (the medians are of known ones)"
     )
     units = ("rad", "rad", "mm") if simulated else ("rad cm", "rad", "cm")
     heads = zip(("M.C.", "A.O.E.", "A.P.E."), units, strict=True)

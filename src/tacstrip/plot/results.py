@@ -405,7 +405,7 @@ def _draw_shapes(
             else:
                 draw_piece(axes, found, colour, drawn.label)
             for k, other in enumerate(found.alternatives if with_regions else ()):
-                label = f"alternative: {other.weight:.2f}"
+                label = f"alternative {k + 1}: {other.weight:.2f}"
                 dashes = (0, (1, 1 + k))  # dotted: what is doubtful is dashed
                 for outline in (other.vertices, *other.others):
                     ring = np.concatenate([outline, outline[:1]])
