@@ -712,8 +712,8 @@ def _by_size(clues: Clues, values: FloatArray, vref: float, bits: int, volts: bo
         likely = list(fits)
     if volts and whole and len(fits) > 1:
         likely = list(fits)
-    told_bits = _BITS_TOLD.search("\n".join((*clues.table.preamble, *clues.table.names)))
-    told_bits = told_bits or conversion.bits_told(clues.table, vref)
+    above = "\n".join((*clues.table.preamble, *clues.table.names))
+    told_bits = bool(_BITS_TOLD.search(above) or conversion.bits_told(clues.table, vref))
     if likely == ["code"] and "mV" in fits and not (clues.sensor and clues.sensor.adc_bits) and not told_bits:
         if "adc_bits" not in clues.answers:  # nothing says that there are codes
             likely.insert(0, "mV")

@@ -50,7 +50,7 @@ _TOKEN = re.compile(
     re.VERBOSE,
 )
 _ONLY_WORD = re.compile(
-    r"(?P<said>(?:.*[\s,;|>])?(?P<strip>[A-Za-z]+)[\s=#:_]{0,2}\d+)\b[\s,;:|=(\[-]+(?P<word>[^\d=:]*?)[\s)\]]*"
+    r"(?P<said>(?:.*[\s,;|>])?(?P<strip>[A-Za-z]+)[\s=#:_]{0,2}\d+)\b[\s,;:|=(\[]+(?:-+\s+)?(?P<word>[^\d=:]*?)[\s)\]]*"
 )
 _VALUE_SAID = re.compile(rf"(?<=[=:\s])[-+]?\d[\d.]*(?:\s?(?:{_UNIT}))?(?=[\s,;|)\]]|\Z)")
 
