@@ -160,9 +160,15 @@ def _with_lines(table: Table, text: str) -> Table:
     """Return a table with what the lines of the text say of the codes' resolution, and broken lines as they stand."""
     there = dict(numbered(text)) if table.broken else {}
     quotes = {i: there[i].strip() for i in table.broken if i in there}
+    quotes = {i: q for i, q in quotes.items() if _is_said(table.quotes.get(i, q), q)}
     return replace(
         table, resolutions=resolutions(text, frozenset(table.lines)), quotes={**table.quotes, **quotes}
     )
+
+
+def _is_said(quote: str, line: str) -> bool:
+    """Return whether a quote is of a line's fields, whatever stands between these."""
+    return re.sub(r"[\s,;|]+", "", quote) == re.sub(r"[\s,;|]+", "", line)
 
 
 def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
