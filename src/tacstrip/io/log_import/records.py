@@ -207,6 +207,8 @@ def _with_names_of_nothing(lines: list[tuple[int, str]]) -> list[tuple[int, str]
         if i not in void and (m := said.fullmatch(line.strip()))
     )
     form = behind.most_common(1)[0][0] if behind else ""
+    if not re.search("[A-Za-z]", form.replace("nan", "")) or re.search(rf"\b{strip}[\s=#:_]{{0,2}}\d", form):
+        return lines  # the strip itself is the name of a value, or there are several in a line
     if "nan" not in form or any(
         meaning(n).role in _LABELS for n in re.findall(r"([A-Za-z]\w*)\s*[=:]", form)
     ):
