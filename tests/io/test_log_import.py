@@ -116,8 +116,15 @@ def codes(last: str) -> str:
 @pytest.mark.parametrize(
     ("text", "sensor", "says"),
     [
-        (codes("80,-1,404,504,604,6"), METAL, "line.s. 6 are not like the others"),
-        (codes("60,-1,403,503,603,-1\n"), METAL, "line 6 has the time and the readings of line 5"),
+        (codes("80,-1,404,504,604,6"), METAL, "line.s. 6 .*are not like the others"),
+        (
+            "strip,voltage,pose0,pose7,pose14,pose21\n"
+            + "".join(
+                f"{s},{end},{u},{u},{u},{u}\n" for s in STRIPS for end, u in (("high", 2.5), ("low", 1.5))
+            ),
+            RUBBER,
+            "strips are numbered 0 to 21",
+        ),
         (
             PINS.replace(",A", ",mV A") + "\n" + "".join(f"{20 * i},,1.757,2.{i}57,1.900,\n" for i in SCANS),
             METAL,
@@ -139,6 +146,93 @@ def codes(last: str) -> str:
 def test_what_would_give_other_numbers_is_no_guess(text: str, sensor: ts.Sensor, says: str) -> None:
     with pytest.raises((Unanswered, ts.ReadingError), match=says):
         propose(of_text(text), sensor)
+
+
+def test_a_line_that_comes_twice_is_left_out_and_told() -> None:
+    found = propose(of_text(codes("60,-1,403,503,603,-1\n")), METAL, {"unit": "code"})
+    assert len(found.scans) == len(SCANS)
+    assert any("line 6 is line 5 again" in doubt for doubt in found.doubts)
+
+
+@pytest.mark.parametrize("unit", [" ms", "ms [V]", ""])
+def test_columns_named_by_times_are_scans(unit: str) -> None:
+    times = [0, 100, 250, 300] if unit else [0, 100, 200, 300]
+    text = "strip,voltage," + ",".join(f"{t}{unit}" for t in times) + "\n"
+    for strip in STRIPS:
+        for end, volts in (("high", 2.5), ("low", 1.25)):
+            there = [f"{volts + 0.125 * n} V" if strip in (1, 2, 3) else "" for n in range(4)]
+            text += f"{strip},{end}," + ",".join(there) + "\n"
+    found = propose(of_text(text), RUBBER)
+    assert [s.time_s for s in found.scans] == pytest.approx([1e-3 * t for t in times])
+    expected = np.full((4, 5, 2), np.nan)
+    expected[:, 1:4] = (np.array([2.5, 1.25]) + 0.125 * np.arange(4)[:, None])[:, None]
+    np.testing.assert_allclose(np.stack([s.values for s in found.scans]), expected)
+
+
+def test_columns_passed_over_may_not_hold_most_readings() -> None:
+    text = "strip,voltage,p0,p7,p14\n" + "".join(
+        f"{s},{end},{u},{u},{u}\n" for s in STRIPS for end, u in (("high", 2.5), ("low", 1.5))
+    )
+    answers = {"strip": "strip", "p7": "skip", "p14": "skip"}
+    with pytest.raises(ts.ReadingError, match=r"p7, p14: passed over, with 20 numbers.*from 10"):
+        propose(of_text(text), RUBBER, answers)
+
+
+@pytest.mark.parametrize("word", ["no contact", "open", "---"])
+def test_a_word_behind_a_strip_stands_for_its_values(word: str) -> None:
+    text = "".join(
+        f"--- scan {n} @ {2000 + 100 * n} ms ---\nS00 {word}\n"
+        + "".join(f"S{s:02d} hi={500 + 10 * s + n} lo={300 + 10 * s + n}\n" for s in (1, 2, 3))
+        + f"S04 {word}\n"
+        for n in SCANS
+    )
+    found = propose(of_text("Skin reader v0.3, 5 strips\n" + text), RUBBER, {"unit": "code"})
+    values = np.stack([s.values for s in found.scans])
+    assert np.isnan(values[:, [0, 4]]).all()
+    assert values[2, 3].tolist() == [532.0, 332.0]
+
+
+def test_whole_numbers_of_an_unknown_converter_may_be_millivolts() -> None:
+    text = "time_s,strip,high,low\n" + "".join(
+        f"{0.05 * n:.2f},{s},{700 + 10 * s + n},{400 + s}\n" for n in SCANS for s in STRIPS
+    )
+    plain = ts.Sensor(construction="crs-crs", strips=5, pitch_mm=10.0, length_mm=50.0, vref_volt=5.0)
+    with pytest.raises(Unanswered) as asked:
+        propose(of_text(text), plain)
+    open_ = {q.key: q for q in asked.value.questions}
+    assert open_["unit"].choices == ("mV", "code")
+    assert open_["adc_bits"].text.startswith("if unit=code")
+    assert propose(of_text(text), plain, {"unit": "mV"}).mapping.unit == "mV"
+    codes_of_ten = propose(of_text(text), plain, {"adc_bits": "10"})
+    assert codes_of_ten.mapping.unit == "code"
+    assert any("unit=mV" in doubt for doubt in codes_of_ten.doubts)
+
+
+def test_a_topic_called_raw_tells_codes_that_fit_the_converter() -> None:
+    lines = [
+        f'{{"topic": "lab/skin/{{}}", "ts": {1778580843000 + 100 * n}, "high": {[611 + n] * 5}, "low": {[400] * 5}}}'
+        for n in SCANS
+    ]
+    twelve = ts.Sensor(
+        construction="crs-crs", strips=5, pitch_mm=10.0, length_mm=50.0, vref_volt=3.3, adc_bits=12
+    )
+    told = propose(of_text("\n".join(lines).replace("{}", "raw")), twelve)
+    assert told.mapping.unit == "code"
+    assert any("says raw" in reason for reason in told.reasons)
+    with pytest.raises(Unanswered, match="in which unit"):
+        propose(of_text("\n".join(lines).replace("{}", "data")), twelve)
+
+
+def test_cells_above_an_empty_row_are_no_names(tmp_path: Path) -> None:
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    above = [["Versorgung:", "5 V"], [], ["Zeit / s", "Streifen Nr.", "U oben / V", "U unten / V"]]
+    for row in [*above, *([0.5 * n, s, 2.5 + 0.1 * s, 1.5] for n in SCANS for s in STRIPS)]:
+        book.active.append(row)
+    book.save(tmp_path / "log.xlsx")
+    found = propose(read_table(tmp_path / "log.xlsx"), RUBBER)
+    assert found.mapping.strip == "Streifen Nr."
+    assert found.scans[1].values[2].tolist() == [2.7, 1.5]
 
 
 HEAD = "scan,time_s,strip,v_h,v_l\n"

@@ -98,7 +98,34 @@ def find_columns(clues: Clues) -> Columns:
     used = {*found.readings, found.time, found.scan, found.strip, found.which, ROW}
     if passed := [n for n in clues.table.names if n not in used]:
         clues.because(f"passed over: {', '.join(passed)}")
+        _refuse_lost(clues, known, found, passed)
     return found
+
+
+def _refuse_lost(clues: Clues, known: dict[str, Meaning], found: Columns, passed: list[str]) -> None:
+    """Refuse what would pass over more readings than it takes; warn where the answers say so.
+
+    Columns that are named as one that is taken but for a number are scans or strips, whatever the answers say.
+    """
+    if "readings" in clues.answers:
+        return
+    before = meanings(clues.table.names)
+    alike = {
+        n for g in numbered_groups(clues.table.names) if {*g.values()} & {*found.readings} for n in g.values()
+    }
+    lost = [n for n in passed if (before[n].role == "reading" or n in alike) and _numeric(clues, n)]
+    many = [sum(v is not None for n in names for v in clues.values(n)) for names in (lost, found.readings)]
+    if many[0] <= many[1] or len(lost) <= len(found.readings):
+        return
+    shown = ", ".join(lost[:_MOST_ASKED]) + (", ..." if len(lost) > _MOST_ASKED else "")
+    text = f"{shown}: passed over, with {many[0]} numbers, and readings are taken from {many[1]}"
+    if all(n in clues.answers for n in lost) and not alike & {*lost}:
+        clues.doubt(text)
+        return
+    raise ReadingError(
+        f"{text}: are these scans, or strips? Save the log with a line per scan or per strip, without columns that are "
+        "no readings; or name those that are: --answer readings=FIRST..LAST"
+    )
 
 
 def _ask_for_sensor(clues: Clues, known: dict[str, Meaning]) -> None:
@@ -435,7 +462,7 @@ def _by_contents(
     text = f"no column's name says that it holds readings (they are: {shown}); say it, of each that does"
     free = [n for n in clues.table.names if n not in {*taken, *given, ROW, CLOCK}]
     for name in (left or free or list(clues.table.names))[-_MOST_ASKED:]:
-        clues.ask(name, text, *(clues.expected or ("h", "l", "out")), "skip")
+        clues.ask(name, text, *(clues.expected or ("h", "l", "out")), "skip", *_strip_too(clues, name))
         text = "or of this one"
     clues.stop()
     raise AssertionError
@@ -674,7 +701,7 @@ def _channels(
         chosen = dict.fromkeys(readings, "h")
     else:
         for odd in [n for n, m in readings.items() if m.channel not in ("h", "l")]:
-            clues.ask(odd, f"is {odd!r} v_h, v_l, or neither?", "h", "l", "skip")
+            clues.ask(odd, f"is {odd!r} v_h, v_l, or neither?", "h", "l", "skip", *_strip_too(clues, odd))
         chosen = dict.fromkeys(readings, "h")
         clues.stop()
     many = Counter((m.strip, chosen[n]) for n, m in readings.items())
@@ -692,6 +719,15 @@ def _channels(
     return {
         n: chosen[n] if m.strip is None else f"{m.strip}:{chosen[n]}" for n, m in readings.items()
     }, paired
+
+
+def _strip_too(clues: Clues, name: str) -> tuple[str, ...]:
+    """Return the answer that a column is the strip, if it may be: whole numbers that come again, one for each strip."""
+    values = clues.values(name)
+    few = len({*values}) == clues.sensor.strips if clues.sensor else _cycles(values)
+    whole = all(v is not None and v % 1.0 == 0.0 for v in values)
+    taken = any(m.role == "strip" for n, m in meanings(clues.table.names).items() if n not in clues.answers)
+    return ("strip",) if whole and few and len(values) > len({*values}) and not taken else ()
 
 
 def _numbered(clues: Clues, readings: dict[str, Meaning], numbers: list[int]) -> dict[str, str]:

@@ -213,7 +213,11 @@ def _of_cells(cells: list[list[Any]], path: str | Path) -> Table:
         [width, *(n for n in lengths[:6] if n > 1)]
     )  # names may reach further than the first readings
     told = ("decimal commas in text cells",) if comma else ()
-    split = [(i, [*row[:width], *[""] * (width - len(row))]) for i, row in numbered]
+    # Empty rows part what stands above the table from its names.
+    split = [
+        (i, [*row[:width], *[""] * (width - len(row))])
+        for i, row in enumerate(rows, 1) if numbered[0][0] <= i <= numbered[-1][0]
+    ]  # fmt: skip
     return in_normal_form(headed(split, width, ".", told))
 
 

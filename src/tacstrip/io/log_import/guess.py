@@ -31,6 +31,7 @@ _TOUCH = re.compile(r"touch|contact|press|active|ber(?:\u00fc|ue)hrt", re.IGNORE
 _ROUNDS = 4  # of questions that others open
 _SHOWN, _LONG = 3, 72  # broken lines, and characters of each, that are quoted
 _FEW_BROKEN, _MOST_BROKEN = 2, 1.0 / 3.0  # lines, and part of the lines: of more, the log is of another form
+_FEW_ROWS, _FEW_REPEATED = 4, 0.05  # rows; part of them: of more that come twice, nothing is known
 _MOST_COMPLETE = 0.5  # of the scans: if more have all strips, lines are lost where others have not
 
 
@@ -124,7 +125,7 @@ def _proposed(
         text = f"{strange!r} looks garbled: if the log is no UTF-8, save it as that first; else: {first.text}"
         raise Unanswered(replace(first, text=text), *others) from None
     dropped: list[int] = []
-    found = scans(table, mapping, dropped)
+    found = scans(clues.table, mapping, dropped)
     return Proposal(
         mapping,
         at_rest(found, mapping, sensor),
@@ -225,6 +226,7 @@ def _assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
     except Unanswered:
         _ask_for_base(clues)
         raise Unanswered(*clues.questions) from None
+    _drop_repeated(clues, found)
     mapping, rough = _rough(clues, found)
     mapping = quantities.settled_time(clues, mapping, rough)
     mapping = replace(
@@ -236,6 +238,23 @@ def _assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
     mapping = _with_ends(clues, mapping, found, rough)
     raise_doubts(clues, mapping)
     return quantities.with_unit(clues, mapping, found, rough), rough
+
+
+def _drop_repeated(clues: Clues, found: Columns) -> None:
+    """Leave out a line that is the one above it again, where the times or scans and strips of all others differ."""
+    table = clues.table
+    if not (found.time or found.scan) or len(table.rows) < _FEW_ROWS:
+        return
+    keys = [n for n in (found.time, found.scan, found.strip, found.which) if n]
+    again = [n for n in range(1, len(table.rows)) if table.rows[n] == table.rows[n - 1]]
+    again = [n for n in again if table.lines[n] != table.lines[n - 1]]
+    kept = [n for n in range(len(table.rows)) if n not in {*again}]
+    said = Counter(zip(*([table.column(k)[n] for n in kept] for k in keys), strict=True))
+    if not again or len(again) > max(1.0, _FEW_REPEATED * len(table.rows)) or max(said.values()) > 1:
+        return
+    for n in again:
+        clues.doubt(f"line {table.lines[n]} is line {table.lines[n - 1]} again: left out")
+    clues.table = replace(table, rows=[table.rows[n] for n in kept], lines=[table.lines[n] for n in kept])
 
 
 def _rough(clues: Clues, found: Columns) -> tuple[ColumnMapping, list[LogScan]]:

@@ -671,7 +671,9 @@ def _bits(clues: Clues, values: FloatArray, bits: int) -> int:
     if (over or not bits) and clues.sensor is not None:
         fits = [str(b) for b in _BITS if values.max() <= 2.0**b - 1.0][:3]
         why = f"and adc_bits = {bits}" if bits else "and the spec has no adc_bits"
-        clues.ask("adc_bits", f"codes reach {values.max():g}, {why}: how many bits has the converter?", *fits)
+        if_so = "if unit=code: " if "unit" in {q.key for q in clues.questions} else ""
+        text = f"{if_so}codes reach {values.max():g}, {why}: how many bits has the converter?"
+        clues.ask("adc_bits", text, *fits)
         return 0
     return bits
 
@@ -710,6 +712,15 @@ def _by_size(clues: Clues, values: FloatArray, vref: float, bits: int, volts: bo
         likely = list(fits)
     if volts and whole and len(fits) > 1:
         likely = list(fits)
+    above = "\n".join((*clues.table.preamble, *clues.table.names))
+    told_bits = bool(_BITS_TOLD.search(above) or conversion.bits_told(clues.table, vref))
+    if likely == ["code"] and "mV" in fits and not (clues.sensor and clues.sensor.adc_bits) and not told_bits:
+        if "adc_bits" not in clues.answers:  # nothing says that there are codes
+            likely.insert(0, "mV")
+        else:
+            clues.doubt(
+                f"readings reach {top:g}: taken as codes, of which adc_bits speaks; else --answer unit=mV"
+            )
     if likely == ["fraction"] and vref:
         likely.append("V")  # a light touch reads as little
     if likely == ["mV"] and vref and fits["mV"] < _LITTLE and top <= rare["permille"]:
@@ -730,6 +741,15 @@ def _by_size(clues: Clues, values: FloatArray, vref: float, bits: int, volts: bo
         if "code" in likely and not said and bits in told and not volts:
             clues.because(f"codes of {bits} bits, as the log says above them")
             return "code"
+        if (
+            bits
+            and "code" in likely
+            and not (said or volts)
+            and top <= most["code"]
+            and (raw := _raw_said(clues))
+        ):
+            clues.because(f"codes of {bits} bits: they fit these, and {raw!r} says raw")
+            return "code"
     if len(likely) == 1:
         of = f", and Vref is {vref * (clues.number('scale') or 1.0):g} V" if vref else ""
         clues.because(f"readings are in {likely[0]}: they reach {top:g}{of}")
@@ -739,6 +759,14 @@ def _by_size(clues: Clues, values: FloatArray, vref: float, bits: int, volts: bo
         *(u for u in READING_UNITS if u in (likely or READING_UNITS)),
     )  # fmt: skip
     return likely[0] if likely else "V"
+
+
+def _raw_said(clues: Clues) -> str:
+    """Return a column's name, or what stands on each line as its topic does, that says "raw"; "" where none does."""
+    fixed = [fields[0] for n in clues.table.names if len({*(fields := clues.table.column(n))}) == 1]
+    return next(
+        (t for t in (*clues.table.names, *fixed) if re.search(r"(?<![a-z])raw(?![a-z])", t, re.I)), ""
+    )
 
 
 def _most(vref: float, scale: float = 1.0) -> dict[str, float]:

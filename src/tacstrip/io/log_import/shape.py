@@ -36,6 +36,11 @@ _CLOCK_PARTS = (
 )  # fmt: skip
 _CORNER = re.compile(r"(\w+)\s*[\\/|]\s*(t|time|zeit)\s*(?:[\[(]?(\w+)[\])]?)?", re.I)
 _SCAN_IN_NAME = re.compile(r"\W*(t|time|zeit|scan|frame|sample)\W*([+-]?\d+(?:\.\d+)?)\s*(\w*)\W*\Z", re.I)
+_TIME_AS_NAME = re.compile(
+    r"(?:at |@ ?|after |nach |bei )?([+-]?\d+(?:[.,]\d+)?)\s*([a-z\u00b5]*)\s*(?:[\[(/]\s*(\w+)\s*[\])]?)?",
+    re.I,
+)
+_EVEN = 0.02  # of a step: so much may the others differ
 
 
 def in_normal_form(table: Table) -> Table:
@@ -46,7 +51,7 @@ def in_normal_form(table: Table) -> Table:
     """
     steps: tuple[Callable[[Table], Table], ...] = (
         _without_empty, _of_several_scans, _of_clock_parts, _of_day_and_clock, _of_one_clock, _of_two_numbers,
-        _transposed, _spread, _without_units, _of_strips_only, _of_unit_column, _in_one_unit, _upright, _split_keys,
+        _transposed, _spread, _upright, _without_units, _of_strips_only, _of_unit_column, _in_one_unit, _split_keys,
         _filled, _without_index,
     )  # fmt: skip
     for step in steps:
@@ -347,22 +352,65 @@ def _upright(table: Table) -> Table:
         ]
         table = replace(table, names=tuple(plain))
     scans = {n: m for n in table.names if (m := _SCAN_IN_NAME.match(n))}
+    if not scans and table.named and (upright := _of_bare_times(table)):
+        return upright
     others = [n for n in table.names if n not in scans and n != ROW]
     if len(scans) < 2 or not 1 <= len(others) <= 2 or len(scans) < len(others):
         return table
     word, _, unit = next(iter(scans.values())).groups()
     if any(m[1] != word or m[3] != unit or (unit and unit not in TIME_UNITS) for m in scans.values()):
         return table
+    named = f"{word} [{unit}]" if unit else word
+    return _with_scans_as_rows(table, {n: m[2] for n, m in scans.items()}, named, others, "value")
+
+
+def _of_bare_times(table: Table) -> Table | None:
+    """Turn a table whose columns are named by nothing but times, as "100 ms", beside a column of the strip.
+
+    Numbers without a unit count if they rise evenly; those that go up by one are numbers of scans. None where there
+    are no such columns.
+    """
+    found = {n: m for n in table.names if (m := _TIME_AS_NAME.fullmatch(n.strip()))}
+    others = [n for n in table.names if n not in found and n != ROW]
+    strip = any(m.role == "strip" for m in meanings(others).values())
+    if len(found) < 2 or not (strip or _holds_keys(table, others)):
+        return None
+    units = {UNITS.get(m[2], UNITS.get(m[2].lower(), "?")) if m[2] else "" for m in found.values()}
+    of_values = {m[3] or "" for m in found.values()}
+    times = [float(m[1].replace(",", ".")) for m in found.values()]
+    steps = np.diff(times)
+    if len(units) > 1 or len(of_values) > 1 or not (steps > 0.0).all():
+        return None
+    unit, of_value = units.pop(), of_values.pop()
+    if (unit and unit not in TIME_UNITS) or (of_value and UNITS.get(of_value.lower()) not in READING_UNITS):
+        return None
+    if not unit and (len(steps) < 2 or np.ptp(steps) > _EVEN * steps.min()):
+        return None
+    word = f"time [{unit}]" if unit else "scan" if (steps == 1.0).all() else "time"
+    value = f"value [{of_value}]" if of_value else "value"
+    scans = {n: m[1].replace(",", ".") for n, m in found.items()}
+    return _with_scans_as_rows(table, scans, word, others, value)
+
+
+def _holds_keys(table: Table, names: list[str]) -> bool:
+    """Return whether a column holds strip and channel in one, such as "3H"."""
+    kinds = [meanings(sorted({*table.column(n)})).values() for n in names]
+    return any(len(k) > 1 and all(m.strip is not None and m.channel for m in k) for k in kinds)
+
+
+def _with_scans_as_rows(
+    table: Table, scans: dict[str, str], word: str, others: list[str], value: str
+) -> Table:
+    """Return a row for each row of each column that is a scan, with its time or number."""
     places = [table.places[n] for n in others]
-    names = (f"{word} [{unit}]" if unit else word, *others, "value")
     rows, lines = [], []
-    for name, found in scans.items():
+    for name, at in scans.items():
         place = table.places[name]
         for line, row in zip(table.lines, table.rows, strict=True):
-            rows.append([found[2].replace(".", table.decimal), *(row[p] for p in places), row[place]])
+            rows.append([at.replace(".", table.decimal), *(row[p] for p in places), row[place]])
             lines.append(line)
     said = (*table.remarks, f"{next(iter(scans))} ...: the columns are scans")
-    return replace(table, names=names, rows=rows, lines=lines, remarks=said)
+    return replace(table, names=(word, *others, value), rows=rows, lines=lines, remarks=said)
 
 
 def _split_keys(table: Table) -> Table:

@@ -168,7 +168,7 @@ def with_retries(text: str, read: Read) -> Table:
         if strays := max(stray_lines(text), key=len, default=frozenset()):
             shown = _quoted(sorted(strays), dict(numbered(text)))
             refused = ReadingError(
-                f"{error}\n  not of the others' form: {shown}; take out what is no reading"
+                f"{error}\n  not of the others' form, and it is not read without these either: {shown}"
             )
         if (table := next(others, None)) is None:
             raise refused from None

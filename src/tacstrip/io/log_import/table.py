@@ -271,7 +271,8 @@ def headed(
         len(row) != width or not any(row) or _named(row, numeric, decimal, usual) > 0 for _, row in split
     ]
     first = headers.index(False) if False in headers else len(split)
-    above = [row for _, row in split[:first] if len(row) == width and any(row) and not _says_one_number(row)]
+    above = _last_block([row for _, row in split[:first]])
+    above = [row for row in above if len(row) == width and any(row) and not _says_one_number(row)]
     above = above[-_TALLEST_HEADER:]
     if first < len(split) and (_counts(split[first][1], full[-1]) or _numbers_columns(split[first][1])):
         above, first = [*above, split[first][1]], first + 1
@@ -356,6 +357,19 @@ def headed(
             *(f"line {i} holds bytes of 0, as of a reset: what stood there is lost" for i in sorted(garbled)),
         ),
     )  # fmt: skip
+
+
+def _last_block(rows: list[list[str]]) -> list[list[str]]:
+    """Return the rows below the last empty one, with a row of two fields or more; with those above it if of units."""
+    blocks = [[*block] for filled, block in itertools.groupby(rows, lambda row: any(row)) if filled]
+    blocks = [block for n, block in enumerate(blocks) if n or any(_filled_fields(row) > 1 for row in block)]
+    if len(blocks) < 2 or all(_are_units(row) for row in blocks[-1]):
+        return rows
+    return blocks[-1]
+
+
+def _filled_fields(row: list[str]) -> int:
+    return sum(map(bool, row))
 
 
 def _check_names(

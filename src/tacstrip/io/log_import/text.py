@@ -32,7 +32,7 @@ from tacstrip.io.log_import.records import STEADY, Item, is_label, items, named_
 from tacstrip.io.log_import.sections import in_one_table
 from tacstrip.io.log_import.series import without_other_series
 from tacstrip.io.log_import.shape import in_normal_form
-from tacstrip.io.log_import.strays import with_retries, without, without_messages
+from tacstrip.io.log_import.strays import numbered, with_retries, without, without_messages
 from tacstrip.io.log_import.table import CLOCK, GARBLED, ROW, ContradictionError, Table, decimal_mark, headed
 
 _WIDE = "  "  # two spaces or more
@@ -153,11 +153,22 @@ def _in_utf16(raw: bytes, file: Path, name: str) -> str:
 
 def of_text(text: str, path: str | Path = "the log") -> Table:
     """Return a text as a table in normal form; errors as of `read_table`."""
-    return with_retries(text, lambda strays: _with_resolutions(_of_lines(text, path, strays), text))
+    return with_retries(text, lambda strays: _with_lines(_of_lines(text, path, strays), text))
 
 
-def _with_resolutions(table: Table, text: str) -> Table:
-    return replace(table, resolutions=resolutions(text, frozenset(table.lines)))
+def _with_lines(table: Table, text: str) -> Table:
+    """Return a table with what the lines of the text say of the codes' resolution, and broken lines as they stand."""
+    there = dict(numbered(text)) if table.broken else {}
+    quotes = {i: there[i].strip() for i in table.broken if i in there}
+    quotes = {i: q for i, q in quotes.items() if _is_said(table.quotes.get(i, q), q)}
+    return replace(
+        table, resolutions=resolutions(text, frozenset(table.lines)), quotes={**table.quotes, **quotes}
+    )
+
+
+def _is_said(quote: str, line: str) -> bool:
+    """Return whether a quote is of a line's fields, whatever stands between these."""
+    return re.sub(r"[\s,;|]+", "", quote) == re.sub(r"[\s,;|]+", "", line)
 
 
 def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
