@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tacstrip.arrays import FloatArray
-from tacstrip.reconstruction.pressed.descent import jacobian, refined
+from tacstrip.reconstruction.pressed.descent import jacobian
 from tacstrip.reconstruction.pressed.poses import TURNS, Poses
 
 _ROUNDS, _DRAWS, _ENOUGH, _MOST_ROUNDS = 4, 240, 200.0, 12
@@ -22,7 +22,6 @@ _SPREAD, _LEAST_POWER = 60.0, 0.05
 _FREEDOM, _WIDER = 4.0, 1.2  # of Student's t; of the descents' ends
 _WIDEST = {"log_radius": 0.7, "turn_rad": 0.5}  # standard deviations that a descent's end is taken for
 _FAR = 25.0  # cost by which another descent's end is no centre
-_RADII, _APART = 13, 0.25  # of a ridge along the radius' logarithm; how far apart they are
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,16 +82,17 @@ class _Mixture:
 
 
 def draw(
-    poses: Poses, ends: FloatArray, costs: FloatArray, random: np.random.Generator, scale: float
-) -> Draws:
-    """Return draws from the likelihood, with descents' ends (M, P) and costs (M,) to begin with.
+    poses: Poses, ends: FloatArray, costs: FloatArray, ridge: tuple[FloatArray, FloatArray],
+    random: np.random.Generator, scale: float,
+) -> Draws:  # fmt: skip
+    """Return draws from the likelihood, with descents' ends (M, P), their costs (M,) and a ridge to begin with.
 
     `scale` is by what the readings' variance is larger than `poses` takes it for.
     """
     covariances = _laplace(poses, ends) * scale
     if (at := poses.column("log_radius")) is not None:
-        ridge = _ridge(poses, ends[0], at, scale)
-        ends, costs, covariances = (np.concatenate(both) for both in zip((ends, costs, covariances), ridge, strict=True))
+        covariances = np.concatenate([covariances, _along(poses, ridge[0], at, scale)])
+        ends, costs = np.concatenate([ends, ridge[0]]), np.concatenate([costs, ridge[1]])
     near = costs - costs[0] < _FAR * scale
     ends, costs, covariances = ends[near], costs[near], covariances[near]
     share = -0.5 * (costs - costs[0]) / scale + 0.5 * np.linalg.slogdet(covariances)[1]
@@ -146,23 +146,16 @@ def _laplace(poses: Poses, ends: FloatArray) -> FloatArray:
     return np.linalg.inv(normal + np.diag(widest**-2.0))
 
 
-def _ridge(poses: Poses, end: FloatArray, at: int, scale: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the best poses with radii beside an end's (M, P), their costs (M,) and covariances (M, P, P).
-
-    A patch tells its size well and the radius hardly: poses lie along a bent ridge, whose slopes at one place do not
-    reach along it.
-    """
-    values = np.repeat(end[None], _RADII, axis=0)
-    values[:, at] += _APART * (np.arange(_RADII) - _RADII // 2)
-    values, costs = refined(poses, values, "log_radius")
+def _along(poses: Poses, values: FloatArray, at: int, scale: float) -> FloatArray:
+    """Return covariances (M, P, P) about poses of a ridge (M, P): one across it, of slopes, and its steps along it."""
     along = 0.5 * np.gradient(values, axis=0)
     slopes = np.delete(jacobian(poses.residuals, values, poses.residuals(values)), at, axis=2)
-    rest = np.delete(np.arange(len(end)), at)
+    rest = np.delete(np.arange(values.shape[1]), at)
     widest = np.array([_WIDEST.get(poses.names[i], 0.5 * poses.skin.thickness_mm) for i in rest])
     own = np.linalg.inv(np.einsum("mrp,mrq->mpq", slopes, slopes) + np.diag(widest**-2.0)) * scale
     covariances = along[:, :, None] * along[:, None, :]
     covariances[:, rest[:, None], rest] += own
-    return values, costs, covariances
+    return np.asarray(covariances)
 
 
 def _wrapped(poses: Poses, values: FloatArray, best: FloatArray) -> FloatArray:
