@@ -277,15 +277,15 @@ class _Radius:
                 centre, half = float(logs[best]), 1.7 * half
             else:
                 break
-        from scipy.interpolate import CubicSpline
+        from scipy.interpolate import PchipInterpolator as Curve  # which does not overshoot beside a steep rise
 
         fine = np.linspace(logs[0], logs[-1], _FINE)
-        curve = CubicSpline(logs, total)(fine)
+        curve = Curve(logs, total)(fine)
         weight = np.exp(-0.5 * (curve - curve.min()))
         weight /= weight.sum()
         mean = float(weight @ fine)
         low, high = np.interp((0.025, 0.975), np.cumsum(weight), fine)
-        rises = sum(float(CubicSpline(logs, one)(mean) - one.min()) for one in each)
+        rises = sum(float(Curve(logs, one)(mean) - one.min()) for one in each)
         freedom = max(len(seen) - 1, 1)
         near = int(np.abs(logs - mean).argmin())
         held = []
