@@ -172,7 +172,9 @@ def track_solid(
         if radius.unlike > _UNLIKE:
             notes.append("the scans disagree about the radius: it is another object, or its radius changes")
         if radius.sigma > _OPEN or radius.furthest > RADIUS_OPEN:
-            notes.append("the scans leave the radius open: take more of them, press harder, or across more strips")
+            notes.append(
+                "the scans leave the radius open: take more of them, press harder, or across more strips"
+            )
         at = iter(radius.poses)
         seen = [one and replace(one, values=next(at)) for one in seen]
     unexplained = [
@@ -277,20 +279,20 @@ class _Radius:
                 centre, half = float(logs[best]), 1.7 * half
             else:
                 break
-        from scipy.interpolate import PchipInterpolator as Curve  # which does not overshoot beside a steep rise
+        from scipy.interpolate import PchipInterpolator  # does not overshoot beside a steep rise
 
         fine = np.linspace(logs[0], logs[-1], _FINE)
-        curve = Curve(logs, total)(fine)
+        curve = PchipInterpolator(logs, total)(fine)
         weight = np.exp(-0.5 * (curve - curve.min()))
         weight /= weight.sum()
         mean = float(weight @ fine)
         low, high = np.interp((0.025, 0.975), np.cumsum(weight), fine)
-        rises = sum(float(Curve(logs, one)(mean) - one.min()) for one in each)
+        rises = sum(float(PchipInterpolator(logs, one)(mean) - one.min()) for one in each)
         freedom = max(len(seen) - 1, 1)
-        near = int(np.abs(logs - mean).argmin())
+        nearest = int(np.abs(logs - mean).argmin())
         held = []
         for one, values in zip(seen, poses, strict=True):
-            start = values[near : near + 1].copy()
+            start = values[nearest : nearest + 1].copy()
             start[:, at] = mean
             held.append(refined(one.poses, start, "log_radius")[0][0])
         return cls(
