@@ -13,7 +13,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.reconstruction.pressed.descent import jacobian
-from tacstrip.reconstruction.pressed.poses import TURNS, Poses
+from tacstrip.reconstruction.pressed.poses import TOUCH_MM, TURNS, Poses
 
 _ROUNDS, _DRAWS, _ENOUGH, _MOST_ROUNDS = 4, 240, 200.0, 12
 _CENTRES, _SHRUNK = 40, 0.6  # of later rounds; their spread over the draws' own
@@ -110,7 +110,9 @@ def draw(
         drawn = np.logaddexp.reduce([p.log_density(values) for p in proposals], axis=0) - math.log(
             len(proposals)
         )
-        weights = _normal(log_likelihood - drawn)
+        # Depths are alike by their logarithm, as radii are: by their size, small objects pressed deep have more poses.
+        log_target = log_likelihood - np.log(np.maximum(values[:, 2], TOUCH_MM))
+        weights = _normal(log_target - drawn)
         best = values[int(np.argmax(log_likelihood))]
         wrapped = _wrapped(poses, values, best)
         draws = Draws(wrapped, weights, float(1.0 / np.square(weights).sum()), best)
@@ -119,7 +121,7 @@ def draw(
         power = 1.0  # less while few draws outweigh all others, so that the next ones reach further
         while power > _LEAST_POWER and 1.0 / np.square(weights).sum() < _SPREAD:
             power *= 0.7
-            weights = _normal(power * (log_likelihood - drawn))
+            weights = _normal(power * (log_target - drawn))
         root = np.linalg.cholesky(
             Draws(wrapped, weights, 0.0, best).covariance + 1e-12 * np.eye(values.shape[1])
         )

@@ -351,7 +351,7 @@ def _result(
         alike = kind == "sphere" and cap(poses.skin) and not known_size
         loose["radius"] = not alike and not radius_sigma <= _RADIUS * radius
         if (at := poses.column("log_radius")) is not None:
-            # Draws add up all poses with a radius, of which small ones have more: what readings alone leave open.
+            # Also of a radius that few poses have but one explains the readings: by the best pose with each radius.
             logs, above = along[0][:, at], along[1] / scale
             low, high = np.exp(radii_within(logs, above, _WITHIN))
             of_radius = min(of_radius[0], float(low)), max(of_radius[1], float(high))
