@@ -25,9 +25,8 @@ import numpy as np
 
 import tacstrip as ts
 from tacstrip.stream.device.port import SerialPort
-from tacstrip.stream.device.pty import PtyDevice
 from tacstrip.stream.device.source import SerialSource
-from tacstrip.stream.device.virtual import VirtualDevice
+from tacstrip.stream.device.virtual import PtyDevice, VirtualDevice
 from tacstrip.stream.live.pipeline import Live
 from tacstrip.stream.live.warmup import warm_up
 

@@ -19,10 +19,9 @@ from playwright.sync_api import sync_playwright
 
 import tacstrip as ts
 from tacstrip.stream.live.pipeline import Live
-from tacstrip.view.access import Access
 from tacstrip.view.controller import Controller
 from tacstrip.view.health import background_process
-from tacstrip.view.server import Server
+from tacstrip.view.server import Access, Server
 from tacstrip.view.simulator import Settings, Simulator
 
 SENSOR = ts.Sensor(construction="crs-crs", strips=50, pitch_mm=2.0, length_mm=100.0, adc_bits=12)

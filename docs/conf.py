@@ -78,6 +78,7 @@ sphinx_gallery_conf = {
     "show_memory": False,
     "show_signature": False,
     "plot_gallery": "True",
+    "capture_repr": ("_repr_html_",),  # what matplotlib's calls return is no output
     "abort_on_example_error": True,
     "remove_config_comments": True,
     "image_scrapers": (figures,),

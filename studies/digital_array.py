@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy.typing as npt
 
 from tacstrip.errors import OptionError, one_of
-from tacstrip.network.devices.digital_array import as_pattern
-from tacstrip.network.devices.switches import ISOLATIONS, Array, ArrayWiring
+from tacstrip.network.devices.digital_array import ISOLATIONS, Array, ArrayWiring, as_pattern
 from tacstrip.network.nodal import Measurement
 
 _IDEAL = ArrayWiring()

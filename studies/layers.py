@@ -9,9 +9,8 @@ import numpy.typing as npt
 from matplotlib.figure import Figure
 
 import tacstrip as ts
-from tacstrip.plot.labels import labelled_objects
 from tacstrip.plot.layers import draw_layers, draw_object, layers_figure
-from tacstrip.plot.scene import draw_contact
+from tacstrip.plot.scene import draw_contact, labelled_objects
 from tacstrip.plot.theme import new_panels
 
 _NOISE = ts.Noise(positional=0.005)

@@ -13,8 +13,7 @@ from tacstrip.contact.shape import Contact
 from tacstrip.contact.signature import signatures
 from tacstrip.network.imperfections import Readout
 from tacstrip.network.nodal import solve_measurement
-from tacstrip.network.strips.measurements import measurement_of, network_readings
-from tacstrip.network.strips.mesh import make_mesh
+from tacstrip.network.strips.measurements import make_mesh, measurement_of, network_readings
 from tacstrip.plot.scene import draw_contact, draw_sensor
 from tacstrip.plot.theme import COLOURS, OTHERS, add_axes, legend, new_axes, new_figure
 from tacstrip.sensor.closed_form import lower_and_width, transfer_length

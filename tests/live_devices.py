@@ -9,8 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import tacstrip as ts
-from tacstrip.stream.device.pty import PtyDevice
-from tacstrip.stream.device.virtual import Loopback, VirtualDevice
+from tacstrip.stream.device.virtual import Loopback, PtyDevice, VirtualDevice
 
 SENSOR = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=5.0, length_mm=100.0, adc_bits=12)
 SHAPE = ts.Contact.polygon([(22, 38), (62, 22), (80, 55), (45, 76)])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib
 import inspect
+import json
 import math
 import re
 from collections.abc import Iterator
@@ -120,24 +121,46 @@ def _snippet(page: str) -> str:
     return str(code)
 
 
-def test_the_short_answers_run_one_after_the_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    text, names = (ROOT / "docs" / "start" / "how-do-i.md").read_text(encoding="utf-8"), dict[str, Any]()
+def _run_page(page: str, folder: Path) -> dict[str, Any]:
+    """Run a page's files, commands and snippets one after the other in a folder; return the snippets' names."""
+    text, names = (ROOT / "docs" / page).read_text(encoding="utf-8"), dict[str, Any]()
     for kind, block in re.findall(r"```(\{transcript\}|python)\n(.*?)```", text, re.DOTALL):
         if kind == "python":
-            exec(compile(block, "how-do-i.md", "exec"), names)
+            exec(compile(block, page, "exec"), names)
         elif block.startswith(":file: "):
             name, _, rest = block.removeprefix(":file: ").partition("\n")
-            Path(name).write_text(rest, encoding="utf-8")
+            (folder / name).write_text(rest, encoding="utf-8")
         else:
             for line in re.findall(r"^\$ (.*)$", block, re.MULTILINE):
-                code, said = transcript.run(line, tmp_path)
+                code, said = transcript.run(line, folder)
                 assert code == 0, said
+    return names
+
+
+def test_the_short_answers_run_one_after_the_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    names = _run_page("start/how-do-i.md", tmp_path)
     assert names["found"].status == SURE
-    assert names["solid"].status == "ok"
-    assert abs(names["solid"].radius_mm - 6.0) < 3.0 * names["solid"].radius_sigma_mm
-    for picture in ("shapes.png", "tracks.png", "press.png"):
-        assert Path(picture).stat().st_size > 10_000
+    assert [row["scan"] for row in names["table"]] == list(range(10))
+    for picture in ("shapes.png", "shape.pdf", "tracks.png"):
+        assert Path(picture).stat().st_size > 8_000
+    one, two = (json.loads(Path(f"{name}.geojson").read_text())["features"] for name in ("one", "layers"))
+    assert len(one) == 1  # what the page warns of
+    assert one[0]["properties"]["status"] == SURE
+    assert len(two) == 2  # what a second layer tells
+
+
+def test_the_answers_on_planning_run_one_after_the_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    names = _run_page("start/how-do-i-plan.md", tmp_path)
+    assert (names["solid"].status, names["ball"].status) == ("ok", "ok")
+    for fit, radius in ((names["solid"], 6.0), (names["ball"], 8.0)):
+        assert abs(fit.radius_mm - radius) < 3.0 * fit.radius_sigma_mm
+    for picture in ("press.png", "compared/figures/pareto.png"):
+        assert Path(picture).stat().st_size > 8_000
 
 
 def test_the_doctors_snippet_runs(

@@ -7,7 +7,8 @@ A line of code holds a token of Python; docstrings, comments and blanks do not c
 commit. A definition (function, method, class without its methods, assignment) goes back if in each commit it has the
 name of one that does, in the same file or the one it was renamed from; or if it has the name of one that left its file
 in that commit, or at least half of its longer lines are taken over from such files. Within such a definition a line
-goes back that stays or that takes the place of one that does; lines that are added do not.
+goes back that stays or that takes the place of one that does; lines that are added do not. The imports of a file in
+which no other definition goes back do not either: any new file imports much of what old ones do.
 """
 
 import argparse
@@ -154,7 +155,15 @@ def going_back(since: str) -> dict[str, Origins]:
                     other = there.get(name, origins)
                     there[name] = tuple(a or b for a, b in zip(origins, other, strict=True))
         known[head] = merged
-    return known[head] if commits else _everything(since)
+    return _without_mere_imports(known[head], head) if commits else _everything(since)
+
+
+def _without_mere_imports(origins: dict[str, Origins], commit: str) -> dict[str, Origins]:
+    """Leave out what goes back in files that hold definitions, of which none goes back but the imports."""
+    held = {path: set(_definitions(blob)) for path, blob in _files(commit).items()}
+    return {
+        path: ours for path, ours in origins.items() if set(ours) != {"import"} or held[path] == {"import"}
+    }
 
 
 def main(since: str = "") -> None:

@@ -29,7 +29,7 @@ from tacstrip.plot.theme import save
 from tacstrip.thesis.chapter2 import FIGURES as CHAPTER_2
 from tacstrip.thesis.chapter3 import FIGURES as CHAPTER_3
 from tacstrip.thesis.chapter4 import FIGURES as CHAPTER_4
-from tacstrip.thesis.chapter5.recovery_figures import ambiguity, noisy_signature
+from tacstrip.thesis.chapter5.figures import ambiguity, noisy_signature
 from tacstrip.thesis.demo import picture, run
 
 PICTURES = Path(__file__).parents[1] / "docs" / "pictures"

@@ -18,9 +18,10 @@ print(row.table, row.shape, row.algorithm, row.signature, row.noise)
 
 figure, axes = plt.subplots(figsize=(7, 4), layout="constrained")
 for position in range(POSITIONS):
-    ours = run_cell(number, position, 12).known[
-        :, 0
-    ]  # of M.C. [rad], A.O.E. [rad], A.P.E. [mm] of each draw with a shape
+    known = run_cell(
+        number, position, 12
+    ).known  # a row per draw with a shape: M.C. [rad], A.O.E. [rad], A.P.E. [mm]
+    ours = known[:, 0]
     axes.plot(np.full(len(ours), position + 1), ours, "_", color="#999999", markersize=18)
     print(f"position {position + 1}: printed {row.printed['mc'][position]:.3f}, ours {np.median(ours):.3f}")
 

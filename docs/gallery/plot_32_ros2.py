@@ -14,7 +14,7 @@ import matplotlib.pyplot as plt
 
 DOMAIN = "87"
 COMMAND = ["tacstrip", "live", "--simulate", "--no-view", "--ros2", "--ros-domain", DOMAIN, "--seconds", "4"]
-HERE = """<CycloneDDS><Domain Id="any"><General><Interfaces><NetworkInterface address="127.0.0.1"/></Interfaces>
+LOOPBACK = """<CycloneDDS><Domain Id="any"><General><Interfaces><NetworkInterface address="127.0.0.1"/></Interfaces>
 </General><Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>
 <Peers><Peer address="localhost"/></Peers></Discovery></Domain></CycloneDDS>"""
 
@@ -30,7 +30,7 @@ if find_spec("cyclonedds"):
     polygon = struct("Polygon", f"{msg}.Polygon_", {"points": sequence[point]})
     stamped = struct("PolygonStamped", f"{msg}.PolygonStamped_", {"header": header, "polygon": polygon})
     with subprocess.Popen(COMMAND):
-        held, here = domain.Domain(int(DOMAIN), HERE), domain.DomainParticipant(int(DOMAIN))
+        held, here = domain.Domain(int(DOMAIN), LOOPBACK), domain.DomainParticipant(int(DOMAIN))
         outlines = sub.DataReader(here, topic.Topic(here, "rt/tacstrip/object_0/polygon", stamped))
         seen = [[1e3 * p.x, 1e3 * p.y] for p in next(outlines.take_iter(timeout=60 * 10**9)).polygon.points]
 figure, axes = plt.subplots(figsize=(5, 4.6), layout="constrained")

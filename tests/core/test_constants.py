@@ -13,7 +13,7 @@ from compiled import build_core
 TWINS = {
     "bounded.c": (
         "reconstruction.set_membership.estimate",
-        "reconstruction.set_membership.feasible_point",
+        "reconstruction.set_membership.feasible_set",
         "core.polytope",
     ),
     "closed_form.h": ("core.problem", "core.cost"),

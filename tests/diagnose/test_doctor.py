@@ -74,6 +74,18 @@ def test_an_open_end_is_a_clamp_and_not_two_dead_wires(
     assert words in found.evidence
 
 
+@pytest.mark.parametrize("strip", [0, 7])
+def test_an_open_end_beside_strips_at_rest_does_not_come_and_go(strip: int) -> None:
+    """It reads Vref under every contact and rests as the others do; a level that stays without contact is stuck."""
+    sensor = replace(METAL, rest_volt=0.3, touch_volt=0.2)
+    log = faulty_log(sensor, exercise(sensor, np.random.default_rng(5), 240), noise=FAINT)
+    k = log.raw["k"].copy()
+    k[log.touched[:, strip], strip] = 0.985
+    _only(diagnose(Log.of(sensor, log.time_s, {"k": k})), "open-strip", strip)
+    k[:, strip] = 0.985
+    _only(diagnose(Log.of(sensor, log.time_s, {"k": k})), "stuck", strip)
+
+
 def test_an_open_end_in_a_few_presses() -> None:
     contact = ts.Contact.polygon([(0.0, 0.0), (40.0, 10.0), (40.0, 90.0), (0.0, 60.0)])
     presses = [contact.placed(39.0, y) for y in (80.0, 130.0, 180.0, 230.0) for _ in range(15)]

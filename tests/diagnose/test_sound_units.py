@@ -23,11 +23,26 @@ from tacstrip.sensor.spec import Sensor
         139,  # a palm over the ground end felt pressure
         143,  # two places in turn, each time a little off: drift
         176,  # taps of three scans were noise
+        2107,  # a palm over the ground end of two strips was two open strips
     ],
 )
 def test_no_finding_on_a_sound_unit(seed: int) -> None:
     log, _ = recording(seed)
     assert diagnose(log).findings == ()
+
+
+def test_a_rim_that_comes_and_goes_at_the_level_of_rest_is_no_loose_joint() -> None:
+    assert diagnose(recording(602, "drag")[0]).findings == ()
+
+
+def test_an_outermost_strip_that_reads_one_level_in_every_visit_is_stuck() -> None:
+    """An object of its own might lie still there; it would not come and go with the contact."""
+    log, _ = recording(600, "exercise")
+    raw = {name: values.copy() for name, values in log.raw.items()}
+    for level, values in zip((0.4, 0.6), raw.values(), strict=True):
+        values[np.isfinite(values[:, 5]), 5] = level
+    found = diagnose(Log.of(log.sensor, log.time_s, raw)).findings
+    assert {(f.fault, f.strips) for f in found} == {("stuck", (5,))}
 
 
 def test_what_flat_pairs_look_like_is_asked_and_not_said() -> None:

@@ -175,7 +175,11 @@ def test_scans_beside_each_other_transposed_and_below_titles() -> None:
 
 def test_columns_of_one_name_are_named_as_the_pair() -> None:
     lines = [f"{n / 10},{row(V[n], '.3f', ',')}" for n in SCANS]
-    assert {*asked("\n".join(["time_s,s0_V,s1_V,s2_V,s2_V,s4_V", *lines]), ONE)} == {"s2_V (column 5)"}
+    # That strip 3 then lacks a column is asked in the same round.
+    assert {*asked("\n".join(["time_s,s0_V,s1_V,s2_V,s2_V,s4_V", *lines]), ONE)} == {
+        "s2_V (column 5)",
+        "missing",
+    }
 
 
 def test_encodings_of_other_scripts(tmp_path: Path) -> None:

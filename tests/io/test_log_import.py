@@ -157,6 +157,116 @@ def own(*names: str, scale: float = 5.0, nothing: str = "", head: str = HEAD, in
     )
 
 
+def clocked(name: str, above: str = "") -> str:
+    """Readings of which the time is 14:00, 14:05, ..."""
+    return above + long(
+        ",",
+        lambda i, s: [f"14:{5 * i:02d}", str(s), volts("kh", i, s), volts("kl", i, s)],
+        f"{name},strip,v_h,v_l\n",
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "step_s"),
+    [
+        (clocked("Uhrzeit"), 300.0),
+        (clocked("time [mm:ss]"), 5.0),
+        (clocked("time", "# logged every 5 minutes\n"), 300.0),
+        (clocked("time", "# every 5 s\n"), 5.0),
+        (clocked("time").replace("14:", "2026-03-14 14:"), 300.0),
+        (clocked("hora"), 300.0),
+    ],
+)
+def test_a_clock_of_two_numbers_is_what_the_log_says(text: str, step_s: float) -> None:
+    found = propose(of_text(text), RUBBER)
+    np.testing.assert_allclose([s.time_s for s in found.scans], step_s * np.arange(4))
+
+
+@pytest.mark.parametrize("way", ["hh:mm", "mm:ss"])
+def test_a_clock_of_two_numbers_that_nothing_tells_is_asked(way: str) -> None:
+    with pytest.raises(Unanswered, match="hours and minutes"):
+        propose(of_text(clocked("time")), RUBBER)
+    found = propose(of_text(clocked("time")), RUBBER, {"time_unit": way})
+    assert found.mapping.time_unit == way
+    assert found.scans[1].time_s == (300.0 if way == "hh:mm" else 5.0)
+
+
+def grouped(line: Callable[[int], str], above: str) -> str:
+    return above + "".join(line(i) + "\n" for i in SCANS)
+
+
+def pair(i: int, s: int, form: str) -> str:
+    return form.format(s, volts("kh", i, s, nothing="--"), volts("kl", i, s, nothing="--"))
+
+
+def melted_with_temperature() -> str:
+    rows = [
+        f"{0.1 * i:.1f},{s + 1}{e.upper()},{volts('k' + e, i, s, 5000.0, form='.0f')},mV\n"
+        + f"{0.1 * i:.1f},TEMP,23.{i},C\n" * (s == 4 and e == "l")
+        for i in SCANS for s in STRIPS for e in "hl"
+    ]  # fmt: skip
+    return "time_s,channel,value,unit\n" + "".join(rows)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        grouped(lambda i: f"scan {i} @ {0.1 * i:.1f} s: " + " ".join(pair(i, s, "#{} ({}, {})") for s in STRIPS), ""),
+        grouped(lambda i: f"t={0.1 * i:.1f} " + " ".join(pair(i, s, "<{}|{}|{}>") for s in STRIPS), "# volts\n"),
+        "12:00:00.000 -> *** boot 3 ***\n12:00:00.001 -> calibrating... done\n" + long(
+            "", lambda i, s: [f"12:00:0{i}.00{s} -> ", pair(i, s, "{}: {}/{}")]
+        ),
+        "# ms, then low and high of strips 0 to 4, volts, -9 where open\n" + wide(
+            " ", lambda i: [str(20 * i), *(volts(n, i, s, nothing="-9") for s in STRIPS for n in ("kl", "kh"))]
+        ),
+        melted_with_temperature(),
+        "# y = U / Uref * L, L = 5 cm\n" + long(
+            ",", lambda i, s: [f"{0.1 * i:.1f}", str(s), volts("kh", i, s, form=".4f"), volts("kl", i, s, form=".4f")],
+            "time_s,strip,y_high (cm),y_low (cm)\n",
+        ),
+    ],
+    ids=["brackets", "bars", "pairs among boot text", "a comment", "rows of no strip", "centimetres"],
+)  # fmt: skip
+def test_groups_comments_and_lengths_give_the_readings(text: str) -> None:
+    found = propose(of_text(text), RUBBER)
+    unit = {"V": 0.2, "mV": 0.0002, "fraction": 1.0}[found.mapping.unit] * found.mapping.scale
+    read = np.stack([scan.values for scan in found.scans]) * unit
+    np.testing.assert_allclose(read, np.stack([K["kh"], K["kl"]], axis=-1), atol=2e-3)
+
+
+def test_one_round_asks_what_later_answers_would_open() -> None:
+    text = long(
+        ",",
+        lambda i, s: [str(i), str(s), volts("kh", i, s), volts("kl", i, s), str(7 + s)],
+        "t,strip,foo,bar,baz\n",
+    )
+    with pytest.raises(Unanswered, match="then: t rises by 1") as asked:
+        propose(of_text(text), RUBBER)
+    assert {"foo", "bar", "baz", "time_unit"} <= {q.key for q in asked.value.questions}
+    answers = {"foo": "h", "bar": "l", "baz": "skip", "time_unit": "s"}
+    read = np.stack([scan.values[:, 0] for scan in propose(of_text(text), RUBBER, answers).scans]) / 5.0
+    np.testing.assert_allclose(read, K["kh"], atol=1e-3)
+
+
+def test_readings_are_named_in_any_order() -> None:
+    names = ("red", "white", "blue, dark", "green", "grey")
+    text = wide(
+        ";", lambda i: [str(i), *(volts("k", i, s, 3.3) for s in STRIPS)], f"time_s;{';'.join(names)}\n"
+    )
+    found = propose(of_text(text), METAL, {"readings": "grey,green,blue, dark,white,red"})
+    read = np.stack([scan.values[:, 0] for scan in found.scans]) / 3.3
+    np.testing.assert_allclose(read, K["k"][:, ::-1], atol=1e-3)
+    with pytest.raises(ts.OptionError, match="'pink' is no column"):
+        propose(of_text(text), METAL, {"readings": "pink,green,blue, dark,white,red"})
+
+
+def test_a_decimal_time_beside_hexadecimal_codes_stays_decimal() -> None:
+    text = wide(" ", lambda i: [str(4060 + 20 * i), *(f"{0x1A9C + 371 * i + 7 * s:04X}" for s in STRIPS)])
+    found = propose(of_text(text), DIGITS, {"unit": "code", "time_unit": "ms"})
+    np.testing.assert_allclose([s.time_s for s in found.scans], 0.02 * np.arange(4))
+    assert found.scans[0].values[0, 0] == 0x1A9C
+
+
 def without_empty_lines() -> str:
     return "".join(line + "\n" for line in own("kh", "kl").splitlines() if not line.endswith(",,"))
 

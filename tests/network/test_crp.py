@@ -14,9 +14,9 @@ from studies import crp_spans
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.errors import ContactError, NetworkError, ReadingError, SpecError
 from tacstrip.network.crp import inversion as crp
-from tacstrip.network.crp.constraints import constrained_step
 from tacstrip.network.crp.cramer_rao import Electrodes
 from tacstrip.network.crp.factored import FactoredScan
+from tacstrip.network.crp.inversion import constrained_step
 from tacstrip.network.crp.mesh import SheetMesh, Wiring
 from tacstrip.network.crp.readings import contact_electrodes, measurements
 from tacstrip.network.nodal import solve, solve_measurement
@@ -222,7 +222,7 @@ def test_most_of_the_way_is_gone_on_a_coarser_mesh(
         rows.append(mesh.rows)
         return FactoredScan(mesh, *rest)
 
-    monkeypatch.setattr("tacstrip.network.crp.descent.FactoredScan", counted)
+    monkeypatch.setattr("tacstrip.network.crp.inversion.FactoredScan", counted)
     found = crp.invert(sensor, kh, kl)
     assert np.nanmax(error(sensor, found, l, u)) < 1e-9
     assert len(rows) == found.iterations <= 16

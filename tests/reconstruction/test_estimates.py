@@ -18,9 +18,9 @@ from tacstrip.arrays import FloatArray
 from tacstrip.core import polytope
 from tacstrip.io.geojson import feature_collection
 from tacstrip.reconstruction.result import RecoveredObject
-from tacstrip.reconstruction.set_membership import feasible_point as search
+from tacstrip.reconstruction.set_membership import feasible_set as search
 from tacstrip.reconstruction.set_membership.estimate import _EFFORT
-from tacstrip.reconstruction.set_membership.feasible_point import Effort
+from tacstrip.reconstruction.set_membership.feasible_set import Effort
 
 NORMAL = 1.96
 BOTH = ("kh", "kl")

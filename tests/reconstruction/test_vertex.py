@@ -11,7 +11,7 @@ import tacstrip as ts
 from polygons import convex_polygon, from_left
 from tacstrip.reconstruction.implausible import SCALE
 from tacstrip.reconstruction.vertex.blocks import blocks, linear_system
-from tacstrip.reconstruction.vertex.validity import judge
+from tacstrip.reconstruction.vertex.estimate import judge
 
 CRS = ts.Sensor(construction="crs-crs", strips=1000, pitch_mm=1.0, length_mm=1000.0)
 METAL = ts.Sensor(construction="crs-m", strips=1000, pitch_mm=1.0, length_mm=1000.0)

@@ -13,9 +13,8 @@ from mcap.records import ChunkIndex
 
 import tacstrip as ts
 from recordings import make, sensor
-from tacstrip.stream.recording.records import Records
+from tacstrip.stream.recording.records import MAGIC, Records
 from tacstrip.stream.recording.recover import Recovered, recover
-from tacstrip.stream.recording.resync import MAGIC
 from tacstrip.stream.replay import Recording
 
 SCANS = 300

@@ -19,9 +19,8 @@ import tacstrip as ts
 from recordings import make, sensor
 from tacstrip.stream.codes import decode
 from tacstrip.stream.recording.mcap_file import McapFile
-from tacstrip.stream.recording.records import Records
+from tacstrip.stream.recording.records import MAGIC, Records
 from tacstrip.stream.recording.recover import recover
-from tacstrip.stream.recording.resync import MAGIC
 from tacstrip.stream.recording.summary import summary
 from tacstrip.stream.replay import Recording
 

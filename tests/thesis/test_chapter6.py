@@ -12,21 +12,19 @@ import tacstrip as ts
 from tacstrip.calibrate.offsets import mean_offsets
 from tacstrip.data.published import Experiment, experiments, published
 from tacstrip.thesis.captions import caption
-from tacstrip.thesis.chapter6 import prototype_figures, recovery_figures
-from tacstrip.thesis.chapter6.calibration import (
-    calibration_runs,
-    prototype_rows,
-    recovered_points,
-    residual_rows,
-    widths_mm,
-)
+from tacstrip.thesis.chapter6 import figures
 from tacstrip.thesis.chapter6.tables import (
     MEASURES,
     VARIANTS,
     Variant,
     applies,
     at_nominal,
+    calibration_runs,
+    prototype_rows,
+    recovered_points,
+    residual_rows,
     run_experiment,
+    widths_mm,
 )
 from tacstrip.thesis.chapter6.twin import PLACINGS, twin
 
@@ -140,16 +138,16 @@ def test_points_on_the_tube_are_off_by_the_printed_errors() -> None:
 
 
 def test_every_figure_of_chapter_6_is_drawn() -> None:
-    drawn = {**recovery_figures.FIGURES, **prototype_figures.FIGURES}
+    drawn = figures.FIGURES
     assert set(drawn) == {f"6.{n}" for n in range(1, 36)}
     assert all(len(caption(draw)) > 20 for draw in drawn.values())
 
 
 @pytest.mark.parametrize("figure", ["6.5", "6.17", "6.22", "6.29", "6.10"])
 def test_a_recovery_shows_what_the_table_measures(figure: str) -> None:
-    e = recovery_figures.RECOVERIES[figure]
+    e = figures.RECOVERIES[figure]
     contact, _, vertices = at_nominal(e, Variant(raw=not e.calibrated))
-    drawing = recovery_figures.recovery(figure)
+    drawing = figures.recovery(figure)
     shapes, readings = drawing.axes[0], drawing.axes[-1]
     lines = {str(line.get_label()): np.asarray(line.get_xydata()) for line in shapes.lines}
     (label,) = [n for n in lines if n.startswith(("V.R.", "P.R., at"))]
@@ -163,7 +161,7 @@ def test_a_recovery_shows_what_the_table_measures(figure: str) -> None:
 
 
 def test_a_noisy_signature_is_raw_beside_calibrated() -> None:
-    axes = recovery_figures.noisy("6.12").axes[0]
+    axes = figures.noisy("6.12").axes[0]
     y = {str(line.get_label()): np.asarray(line.get_ydata()) for line in axes.lines}
     offsets = next(c["offset_volt"] for c in published()["calibration"] if c["signature"] == "kl")
     np.testing.assert_allclose(y["as read"] - y["calibrated"], np.array(offsets) / 6.05, atol=1e-12)
@@ -171,7 +169,7 @@ def test_a_noisy_signature_is_raw_beside_calibrated() -> None:
 
 
 def test_a_calibration_graph_shows_the_printed_offset_and_vref() -> None:
-    axes = prototype_figures.FIGURES["6.2"]().axes[0]
+    axes = figures.FIGURES["6.2"]().axes[0]
     lines = {str(line.get_label()): line for line in axes.lines}
     l, volt = np.asarray(lines["expected"].get_xydata()).T
     np.testing.assert_allclose(volt, 6.05 * l / 32.5, atol=1e-9)
@@ -180,7 +178,7 @@ def test_a_calibration_graph_shows_the_printed_offset_and_vref() -> None:
 
 
 def test_the_tubes_points_lie_on_its_surface() -> None:
-    figure = prototype_figures.FIGURES["6.35"]()
+    figure = figures.FIGURES["6.35"]()
     space: Any = figure.axes[0]
     for line in space.lines:
         x, y, _ = line.get_data_3d()

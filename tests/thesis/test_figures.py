@@ -17,11 +17,13 @@ from tacstrip.sensor.spec import Sensor
 from tacstrip.simulation import simulate
 from tacstrip.surface.cylinder import strip_angle, strips_under_flat
 from tacstrip.thesis import chapter2, chapter3, chapter4
-from tacstrip.thesis.chapter5 import error_figures
+from tacstrip.thesis.captions import by_number
+from tacstrip.thesis.chapter5 import figures as chapter5
 from tacstrip.thesis.shapes import SIMULATED
 
-MODULES = (chapter2, chapter3, chapter4, error_figures)
-FIGURES = {number: cache(draw) for module in MODULES for number, draw in module.FIGURES.items()}  # drawn once
+MODULES = (chapter2, chapter3, chapter4, chapter5)
+NUMBERED = {number: draw for module in MODULES for number, draw in by_number(vars(module)).items()}
+FIGURES = {number: cache(draw) for number, draw in NUMBERED.items()}  # drawn once
 L = 1000.0
 OWNER = {name: sensor for sensor in SIMULATED.values() for name in sensor.signatures}
 
@@ -30,7 +32,7 @@ def test_the_figures_are_those_asked_for() -> None:
     assert list(chapter2.FIGURES) == ["2.3", "2.4"]
     assert list(chapter3.FIGURES) == ["3.3", "3.4", "3.7", "3.10"]
     assert list(chapter4.FIGURES) == [f"4.{n}" for n in range(1, 11)]
-    assert list(error_figures.FIGURES) == ["5.1", "5.2", "5.3", "5.4"]
+    assert sorted(chapter5.FIGURES) == ["5.1", "5.14", "5.19", "5.2", "5.3", "5.32", "5.4", "5.61", "5.9"]
 
 
 @pytest.mark.parametrize("number", FIGURES)
@@ -77,10 +79,10 @@ def test_3_10_a_strip_count_is_that_of_the_picture() -> None:
     middle = float(strip_angle(sensor, np.array(2.0)))
     for depth in (0.05, 0.2, 0.6, 1.0):
         angles = np.linspace(middle - 0.5 * pitch, middle + 0.5 * pitch, 401)
-        counts = {int(chapter3.touched_strips(sensor, float(a), depth).sum()) for a in angles}
+        counts = {int(chapter3.strips_touched_by_flat(sensor, float(a), depth).sum()) for a in angles}
         assert counts == set(strips_under_flat(sensor, depth)), depth
     assert strips_under_flat(sensor, 0.6) == (2, 3)
-    assert chapter3.touched_strips(sensor, middle, 0.6).tolist() == [False, True, True, True, False]
+    assert chapter3.strips_touched_by_flat(sensor, middle, 0.6).tolist() == [False, True, True, True, False]
 
 
 def test_3_10_two_strips_at_most_need_a_shallow_dent() -> None:
@@ -173,7 +175,7 @@ def test_4_10_has_three_blocks_that_share_a_section_each() -> None:
 
 
 def test_5_1_draws_the_ends_that_strips_read() -> None:
-    l, u = footprint(error_figures.SENSOR, error_figures.OBJECT)
+    l, u = footprint(chapter5.SENSOR, chapter5.OBJECT)
     stairs = [p.get_data().values for p in _stairs(FIGURES["5.1"]())]
     np.testing.assert_array_equal(stairs, [l, u])
 
@@ -185,13 +187,13 @@ def test_5_2_errors_are_of_the_size_of_the_thesis_profiles() -> None:
 
 
 def test_5_3_a_turning_function_goes_round_once() -> None:
-    s, theta = error_figures.turning_function(error_figures.A)
+    s, theta = chapter5.turning_function(chapter5.A)
     np.testing.assert_allclose(s, [0.0, 0.3, 0.5, 0.8, 1.0])
     np.testing.assert_allclose(theta, [0.0, 0.5 * np.pi, np.pi, 1.5 * np.pi])
 
 
 def test_5_4_the_shaded_area_is_the_mismatch_coefficient() -> None:
-    a, b = error_figures.A, error_figures.B
+    a, b = chapter5.A, chapter5.B
     shaded, first, second = (p.get_data() for p in _stairs(FIGURES["5.4"]()))
     area = float(np.diff(shaded.edges) @ np.abs(shaded.values - shaded.baseline))
     assert area == pytest.approx(mismatch_coefficient(a, b), abs=1e-12)
@@ -204,7 +206,7 @@ def test_best_alignment_agrees_with_the_metric_on_many_pairs() -> None:
     rng = np.random.default_rng(5)
     for _ in range(20):
         a, b = (_star(rng, int(rng.integers(3, 8))) for _ in range(2))
-        found = error_figures.best_alignment(a, b)
+        found = chapter5.best_alignment(a, b)
         assert found.mc == pytest.approx(mismatch_coefficient(a, b), abs=1e-12)
 
 

@@ -48,12 +48,15 @@ def test_lines_go_back_over_a_rename_a_move_and_a_change(
         return found.stdout.strip()
 
     subprocess.run(["git", "init", "-q"], check=True)
-    since = commit(first=FIRST)
-    body, moved = FIRST.split("\n\n\ndef moved")
+    whole = FIRST.replace("LIMIT = 3", "import mathematics\n\nLIMIT = 3")
+    since = commit(first=whole)
+    body, moved = whole.split("\n\n\ndef moved")
     grown = body.replace("x + LIMIT", "x * LIMIT").replace("    return", "    total += 1\n    return")
+    new = "\n\ndef new(x):\n    return x\n"
     commit(renamed=body + "\n", other="def means" + moved)
-    commit(renamed=grown + "\n", other="def means" + moved + "\n\ndef new(x):\n    return x\n")
+    commit(renamed=grown + "\n", other="def means" + moved + new, fresh="import mathematics\n" + new)
     count_lines.main(since)
     rows = [line.split() for line in capsys.readouterr().out.splitlines()[1:]]
-    # LIMIT, 3 lines of `kept` and one that was added, 3 of what was moved; `new` does not go back.
-    assert rows == [["room", "10", "8", "7"], ["all", "10", "8", "7"]]
+    # The import, LIMIT, 3 lines of `kept` and one that was added, 3 of what was moved. Neither `new` nor what a file of
+    # new definitions imports goes back.
+    assert rows == [["room", "14", "9", "8"], ["all", "14", "9", "8"]]

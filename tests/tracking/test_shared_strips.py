@@ -15,6 +15,8 @@ from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.cli import cli
 from tacstrip.core.hull import available
 from tacstrip.core.rigid import RigidScans
+from tacstrip.tracking.rigid.corners import Fit
+from tacstrip.tracking.rigid.search import Found
 from tacstrip.tracking.shared_strips import lone_ends
 
 pytestmark = pytest.mark.skipif(not available(), reason="compiled only")
@@ -106,24 +108,24 @@ def test_a_jump_that_a_quick_search_stays_short_of_is_searched_thoroughly(
     """Sixteen scans, of which the first eight show one object; in the sixth a corner passes a strip."""
     asked = []
 
-    def stretch(scans: RigidScans, distribution: str, *, thorough: bool = False) -> str | None:
-        asked.append((len(scans.k), thorough))
-        return "found" if len(scans.k) <= (8 if thorough else 5) else None
+    def stretch(scans: RigidScans, distribution: str, effort: int = 0) -> str | None:
+        asked.append((len(scans.k), effort))
+        return "found" if len(scans.k) <= (8 if effort else 5) else None
 
     monkeypatch.setattr(lone_ends, "rigid_stretch", stretch)
     k = np.where(np.arange(16)[:, None, None] < 8, 0.3, 0.6) + np.zeros((16, 2, 10))
     k[5:, 0, 4] += 0.05
     found = lone_ends.lone_ends(RigidScans(ten_strips(), ("kh", "kl"), k, 0.003), "uniform", (False,))
     assert [(some, str(one)) for some, one in found] == [(range(8), "found")]
-    assert asked == [(5, True), (8, False), (8, True)]
+    assert asked == [(5, 1), (8, 0), (8, 1)]
 
 
 def test_where_nothing_comes_or_goes_no_end_is_searched(monkeypatch: pytest.MonkeyPatch) -> None:
     """One object that deforms changes the readings smoothly; what is put down beside one makes them jump."""
     asked = []
 
-    def stretch(scans: RigidScans, distribution: str, *, thorough: bool = False) -> None:
-        asked.append(len(scans.k))
+    def stretch(scans: RigidScans, distribution: str, effort: int = 0) -> None:
+        asked.append((len(scans.k), effort))
 
     monkeypatch.setattr(lone_ends, "rigid_stretch", stretch)
     smooth = 0.3 + 0.2 * np.linspace(0.0, 1.0, 18)[:, None, None] ** 2 + np.zeros((18, 2, 10))
@@ -133,12 +135,41 @@ def test_where_nothing_comes_or_goes_no_end_is_searched(monkeypatch: pytest.Monk
     jumps[9:, 1, 3] += 0.1
     spreads[9:, :, :] = 0.4
 
-    def searched(k: FloatArray, *, both: bool = False) -> list[int]:
+    def searched(k: FloatArray, *, both: bool = False) -> list[tuple[int, int]]:
         asked.clear()
         lone_ends.lone_ends(RigidScans(ten_strips(), ("kh", "kl"), k, 0.003), "uniform", both=both)
         return asked.copy()
 
     assert searched(smooth) == []
-    assert searched(jumps) == [9, 9]  # all scans before and after it show one object, or there are none such
-    assert searched(jumps, both=True) == [9]  # the first end has none: the last one would be of no use
-    assert len(searched(spreads)) == 2
+    one_end = [(9, 1), (9, 2)]
+    assert (
+        searched(jumps) == 2 * one_end
+    )  # all scans before and after it show one object, or there are none such
+    assert searched(jumps, both=True) == one_end  # the first end has none: the last one would be of no use
+    assert searched(spreads)[:2] == [(6, 1), (9, 1)]  # up to the jump where the shortest stretch fails
+
+
+def test_where_a_first_change_comes_too_late_the_jumps_are_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second object comes without a sudden change in the tenth of thirty scans, and something else jumps later."""
+
+    def stretch(scans: RigidScans, distribution: str, effort: int = 0) -> str | None:
+        return "found" if len(scans.k) <= 10 else None
+
+    monkeypatch.setattr(lone_ends, "rigid_stretch", stretch)
+    monkeypatch.setattr(lone_ends, "_jumps", lambda scans: [10, 14])
+    k = 0.3 + np.zeros((30, 2, 10))
+    k[14:, 0, 4] += 0.2
+    found = lone_ends.lone_ends(RigidScans(ten_strips(), ("kh", "kl"), k, 0.003), "uniform", (False,))
+    assert [some for some, _ in found] == [range(10)]
+
+
+def test_rivals_that_are_alike_are_named_once() -> None:
+    """Three outlines of a square: moved by 2 mm, by 2.1 mm, and as it is found."""
+    square, poses = 20.0 * np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]), np.zeros((3, 3))
+
+    def wider(by: float) -> Fit:
+        return Fit(square + np.array([(0.0, 0.0), (by, 0.0), (by, 0.0), (0.0, 0.0)]), poses, np.zeros(3))
+
+    found = Found(wider(0.0), np.arange(3), ((wider(2.1), 3.0), (wider(2.0), 1.0), (wider(0.1), 0.0)))
+    (other,) = found.unlike(0.5)
+    assert np.ptp(other, axis=0) == pytest.approx((22.0, 20.0))

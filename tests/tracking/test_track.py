@@ -19,12 +19,14 @@ from tacstrip.cli import cli
 from tacstrip.core.binding import exported
 from tacstrip.core.rigid import RigidScans, descend, loss
 from tacstrip.geometry.moments import moments
+from tacstrip.geometry.pose import placed
 from tacstrip.plot.tracks import track_figure
 from tacstrip.tracking.episodes import episodes, spanned
 from tacstrip.tracking.geojson import track_collection
 from tacstrip.tracking.rigid.corners import Fit, fitted, recounted, unstuck
-from tacstrip.tracking.rigid.covariance import covariances, information, joint_bound
+from tacstrip.tracking.rigid.covariance import covariances, following, information, joint_bound
 from tacstrip.tracking.rigid.offsets import Offsets, channel_offsets, not_ruled_out
+from tacstrip.tracking.rigid.rivals import beside_rivals
 from tacstrip.tracking.rigid.search import Found, likelier
 from tacstrip.tracking.rigid.smooth_path import fit_corners
 from tacstrip.tracking.track import _less_than_half_turns
@@ -123,6 +125,46 @@ def test_errors_that_follow_each_other_widen_the_regions_and_are_said() -> None:
     (one,) = ts.track(wandering.scans, wandering.unit.sensor, NOISE)
     assert one.status == "likely"
     assert "errors of channels follow each other from scan to scan" in one.advice
+
+
+def test_errors_that_follow_each_other_make_no_corner() -> None:
+    """Taken for errors of each scan alone, they pay for a corner too many."""
+    counted, open_count = scene("wander", 70, 8), scene("wander", 70, 6)
+    (one,) = ts.track(counted.scans, counted.unit.sensor, NOISE)
+    assert counted.outline is not None
+    assert (one.status, len(one.outline)) == ("likely", len(counted.outline))
+    (other,) = ts.track(open_count.scans, open_count.unit.sensor, NOISE)
+    assert other.status == "doubtful"
+
+
+def test_errors_follow_each_other_only_where_neighbouring_scans_are_alike() -> None:
+    scans, _, poses = rigid_scene("crs-crs", 0.0, 20)
+    fit = fitted(scans, CORNERS, poses)
+    assert following(scans, fit.corners, fit.poses) == 1.0
+    random, drift = np.random.default_rng(3), np.zeros(scans.k.shape)
+    for i in range(1, len(drift)):
+        drift[i] = 0.9 * drift[i - 1] + random.normal(0.0, 0.003, drift[i].shape)
+    assert following(replace(scans, k=scans.k + drift), fit.corners, fit.poses) > 1.5
+
+
+def test_a_region_covers_other_best_fits_as_likely() -> None:
+    scans, _, poses = rigid_scene("crs-crs", 0.0, 20)
+    fit = fitted(scans, CORNERS, poses)
+    own = covariances(information(scans, fit.corners, fit.poses), fit.corners, fit.poses)[0]
+    every = np.arange(len(scans.k))
+    np.testing.assert_allclose(beside_rivals(scans, Found(fit, every), own, 0.0), own)
+    other = fit.corners.copy()
+    other[4, 1] += 2.0
+    frame = placed(np.roll(other, 2, axis=0), np.array([0.0, 0.0, 0.4]))
+    rival = Fit(frame, fit.poses - [0.0, 0.0, 0.4], fit.costs)
+    wide = beside_rivals(scans, Found(fit, every, ((rival, 0.0),)), own, 0.0)
+    far = np.sqrt(wide.diagonal().reshape(-1, 2).sum(axis=1))
+    assert (
+        int(far.argmax()) == 4
+    )  # of another frame, counted from another corner: only the fifth is elsewhere
+    assert 0.8 < far[4] < 1.6  # mm: half as likely as not, 2 mm off in part
+    unlikely = beside_rivals(scans, Found(fit, every, ((rival, 8.0),)), own, 0.0)
+    assert own.trace() < unlikely.trace() < 0.2 * wide.trace()
 
 
 def test_noise_that_is_not_given_is_found() -> None:

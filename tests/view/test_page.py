@@ -19,10 +19,9 @@ import pytest
 import tacstrip as ts
 from tacstrip.core.binding import exported
 from tacstrip.stream.live.pipeline import Live
-from tacstrip.view.access import Access
 from tacstrip.view.controller import Controller
 from tacstrip.view.health import background_process
-from tacstrip.view.server import Server
+from tacstrip.view.server import Access, Server
 from tacstrip.view.simulator import Settings, Simulator
 from waiting import HANG_S, wait_until
 

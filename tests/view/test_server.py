@@ -22,10 +22,9 @@ from tacstrip.stream import RawScan
 from tacstrip.stream.live.bounded_queue import BoundedQueue
 from tacstrip.stream.live.pipeline import Live
 from tacstrip.tracking import Tracker
-from tacstrip.view.access import Access
 from tacstrip.view.controller import Controller
 from tacstrip.view.frame_json import frame_json
-from tacstrip.view.server import PAGE, Server
+from tacstrip.view.server import PAGE, Access, Server
 from tacstrip.view.simulator import Settings, Simulator, sensor_of
 from waiting import HANG_S, wait_until
 

@@ -156,7 +156,7 @@ def draw_figure(number: str, docs: Path) -> tuple[Path, str]:
     from tacstrip.data.published import rows
     from tacstrip.plot.theme import save
     from tacstrip.thesis.captions import caption
-    from tacstrip.thesis.chapter5 import recovery_figures
+    from tacstrip.thesis.chapter5 import figures
     from tacstrip.thesis.chapter5.tables import run_cell
     from tacstrip.thesis.reproduce import _DRAWN
     from tacstrip.thesis.shapes import POSITIONS
@@ -176,8 +176,8 @@ def draw_figure(number: str, docs: Path) -> tuple[Path, str]:
     row = rows()[recovered[number]]
     if not file.exists():
         cells = [run_cell(recovered[number], p, 1) for p in range(POSITIONS)]
-        drawn(recovery_figures.recovery(row, [cell.sample for cell in cells]))
-    return file, recovery_figures.recovery_caption(row)
+        drawn(figures.recovery(row, [cell.sample for cell in cells]))
+    return file, figures.recovery_caption(row)
 
 
 class _Table(SphinxDirective):

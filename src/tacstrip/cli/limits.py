@@ -26,10 +26,9 @@ from tacstrip.design.limits import ErrorMap, Limit, limit_map, limits, outline_o
 from tacstrip.errors import OptionError, is_number
 from tacstrip.files import write_text
 from tacstrip.geometry.outline import Outline
-from tacstrip.io.geojson import read_contact
 from tacstrip.io.input_checks import unlikely_contact
 from tacstrip.reconstruction.cramer_rao import reading_sigma, vertex_rms
-from tacstrip.sensor.layers import LayeredSensor
+from tacstrip.sensor.layers import AnySensor, LayeredSensor, unit_of
 from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.rigid.covariance import joint_bound
 
@@ -39,10 +38,6 @@ _CHECKED = 6  # designs at most, from the coarsest on, until one does
 _CIRCLE = "circle:"
 _BOUND = (
     "Bounds: a fit misses them by some part, often a fifth; --check 40 simulates 40 placements and fits them"
-)
-_NO_NOISE = (
-    "without errors of the readings there is no limit: give what they are, such as --positional 0.005, "
-    "--quantisation 0.001 or --bits 12, or a [noise] table in the spec (`tacstrip noise`)"
 )
 
 
@@ -125,11 +120,7 @@ def command(
         _of_layers(layered, _placed(contact, at, turn, layered.unit), noise)
         return
     spec = spec if bits is None else replace(spec, adc_bits=bits)
-    if spec.noise is not None and not options.given("quantisation", "positional"):
-        noise = spec.noise
-    elif reading_sigma(noise, spec) == 0.0:
-        raise OptionError(_NO_NOISE)
-    shape = _placed(contact, at, turn, spec)
+    noise, shape = _noise(noise, spec), _placed(contact, at, turn, spec)
     warn(unlikely_contact(shape, spec))
     outline = outline_of(spec, shape)
     found = limits(spec, outline, noise)
@@ -184,17 +175,24 @@ def _placed(contact: Path, at: tuple[float, float] | None, turn: float, sensor: 
             raise OptionError(f"{name}: give the radius in mm, such as circle:15")
         shape = Contact.polygon(circle(float(radius)).vertices)
         return shape.placed(*(at or (0.5 * sensor.width_mm, 0.5 * sensor.length_mm)))
-    shape = read_contact(contact)
-    return (shape.placed(*at) if at else shape).turned(math.radians(turn))
+    return options.placed(contact, at, turn)
+
+
+def _noise(given: Noise, sensor: AnySensor) -> Noise:
+    """Return the noise that was given, or the spec's where none was."""
+    if sensor.noise is not None and not options.given("quantisation", "positional"):
+        return sensor.noise
+    if reading_sigma(given, unit_of(sensor)) == 0.0:
+        raise OptionError(
+            "without errors of the readings there is no limit: give what they are, such as --positional 0.005, "
+            "--quantisation 0.001 or --bits 12, or a [noise] table in the spec (`tacstrip noise`)"
+        )
+    return given
 
 
 def _of_layers(sensor: LayeredSensor, contact: Contact, noise: Noise) -> None:
     """Print the bound of both layers and of each alone."""
-    if sensor.noise is not None and not options.given("quantisation", "positional"):
-        noise = sensor.noise
-    elif reading_sigma(noise, sensor.unit) == 0.0:
-        raise OptionError(_NO_NOISE)
-    found = layer_limits(sensor, contact, noise)
+    found = layer_limits(sensor, contact, _noise(noise, sensor))
     names = ["both layers", *(f"layer {limit.layers[0]} alone" for limit in found[1:])]
     click.echo("Least standard errors of x and y of each corner [mm]")
     click.echo(f"{'object':>6} {'x':>9} {'y':>9}" + "".join(f"{name:>20}" for name in names))

@@ -25,8 +25,8 @@ from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.bridges.foxglove.bridge import PORT as FOXGLOVE_PORT
 from tacstrip.stream.bridges.foxglove.layout import layout_text
 from tacstrip.stream.device.port import BAUD, SerialPort
-from tacstrip.stream.device.pty import PtyDevice
 from tacstrip.stream.device.source import SerialSource
+from tacstrip.stream.device.virtual import PtyDevice
 from tacstrip.stream.http_server import check_port
 from tacstrip.stream.live.pipeline import Live
 from tacstrip.stream.live.service import Service
@@ -35,10 +35,9 @@ from tacstrip.stream.live.warmup import warm_up
 from tacstrip.stream.replay import open_source
 from tacstrip.stream.source import LOGGER, Source
 from tacstrip.tracking.live_contact import LiveTrack
-from tacstrip.view.access import Access
 from tacstrip.view.controller import Controller
 from tacstrip.view.health import background_process
-from tacstrip.view.server import Server
+from tacstrip.view.server import Access, Server
 from tacstrip.view.simulator import Settings, Simulator
 from tacstrip.view.watch import watch
 

@@ -16,6 +16,7 @@ from click.decorators import FC
 from tacstrip.errors import OptionError, ReadingError, is_number, one_of
 
 if TYPE_CHECKING:
+    from tacstrip.contact.shape import Contact
     from tacstrip.sensor.spec import Sensor
 
 
@@ -132,6 +133,16 @@ DURABLE = flag("--durable", help="Record so that a power cut loses a second at m
 SEED = whole("--seed", default=0, callback=_seed, show_default=True, help="Of random errors.")
 TURN = number("--turn", default=0.0, metavar="DEG", help="Turn the contact anticlockwise.")
 AT = option("--at", type=POINT, metavar="X Y", help="Put the contact's centroid here [mm].")
+
+
+def placed(contact: Path, at: tuple[float, float] | None, turn_deg: float) -> Contact:
+    """Read a contact and put it where --at and --turn say."""
+    from tacstrip.io.geojson import read_contact  # late: it loads NumPy
+
+    shape = read_contact(contact)
+    return (shape.placed(*at) if at else shape).turned(math.radians(turn_deg))
+
+
 WITHOUT = option("--without", multiple=True, metavar="STRIP[:CHANNEL]",
                  help="Leave out a dead or stuck channel, as 7:v_h, or a strip, as 7; repeat.")  # fmt: skip
 MODEL = option("--model", help="closed or network; by default closed where there are closed forms.")

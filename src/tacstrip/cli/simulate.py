@@ -17,7 +17,6 @@ from tacstrip.contact.noise import Noise, NoiseProcess
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import OptionError
 from tacstrip.files import write_text
-from tacstrip.io.geojson import read_contact
 from tacstrip.io.input_checks import unlikely_contact
 from tacstrip.io.readings import write_readings
 from tacstrip.sensor.layers import AnySensor, LayeredSensor, unit_of
@@ -84,8 +83,7 @@ def command(
             False, "does not go with --noisy, which takes the spec's noise", "quantisation", "positional"
         )
         noise = spec.noise
-    shape = read_contact(contact)
-    shape = (shape.placed(*at) if at else shape).turned(math.radians(turn))
+    shape = options.placed(contact, at, turn)
     start = tuple(shape.centroid)
     places = (
         shape.dragged([start, *drag], steps, math.radians(turn_per_step)) if drag else [shape] * (still or 1)

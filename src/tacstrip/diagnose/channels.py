@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -26,6 +27,9 @@ _MOVES = 0.2  # over Vref: what the neighbours must move for a reading that shou
 _MOVES_OFTEN, _PASSES = 0.12, 4  # the same of contacts that came so often
 _BELOW = 0.05  # over Vref, of a contact above a cut, and of readings that no limit cuts off
 _STRAYS = 2  # places
+_FAR_APART = 0.3  # over Vref, of heights: a palm over the ends of some strips does not move so far
+_SIDE = 0.93  # of pairs of a height on a rail and one off it, in the same order: a cut lies between
+_ALL_THE_TIME, _VISITS = 0.9, 3  # of the places: an object that lies still does not come and go; visits
 _ALIKE = 0.7  # correlation of a strip's neighbours that are under one object
 _FEW, _SOME = 3, 8  # places
 _FAR_FROM_REST = 2.5  # times what counts as touched
@@ -49,11 +53,17 @@ def on_rails(work: WorkingCopy) -> Iterator[Suspect]:
     low = values <= np.maximum(_ground(work), np.minimum(_extreme(values), _ground(work) + _NEAR_RAIL)) + near
     high = values >= np.minimum(1.0, np.maximum(-_extreme(-values), 1.0 - _NEAR_RAIL)) - near
     silent, level = _silent(work)
+    off_rails = np.asarray((inside & ~low & ~high).any(axis=0))
     ground, vref = (np.asarray(side.all(axis=0) & inside.any(axis=0)) for side in (low, high))
+    if work.sensor.rest_volt is not None:
+        # At a contact's rim, noise of a strip that rests makes it count as touched.
+        sides = np.pad(work.there, ((0, 0), (1, 1)), constant_values=True)
+        ground &= sides[:, :-2] & sides[:, 2:]
     # One channel on ground where the other is not: its wire is dead.
     off_rail = values.max(axis=0) > max(2.0 * near, _ground(work) + _NEAR_RAIL)
     single = inside & low & ~low.all(axis=0) & off_rail
     known_places = inside.any(axis=0).sum(axis=0)
+    ground[:, work.touched_without_contact()] = vref[:, work.touched_without_contact()] = False
     for strip in range(work.strips):
         # Of all channels together: one strip on a rail is more likely than two stuck channels.
         known = np.isfinite(r[:, :, strip]).any(axis=0).sum()
@@ -63,7 +73,7 @@ def on_rails(work: WorkingCopy) -> Iterator[Suspect]:
         of = inside[:, :, strip].sum(axis=1)
         yield from _open_strip(
             work, strip, ground[:, strip], vref[:, strip], int(known_places[strip]), e[0, :, strip], gain,
-            level[silent[:, strip], strip],
+            level[silent[:, strip], strip], e[0, off_rails[:, strip], strip],
         )  # fmt: skip
         yield from _one_channel(work, strip, channels, levels, of, gain)
 
@@ -100,6 +110,7 @@ def _open_strip(
     level: FloatArray,
     gain: float,
     silent: FloatArray,
+    sound: FloatArray,
 ) -> Iterator[Suspect]:
     # A gap between two objects is at any height; one above a cut is below all contacts that read Vref.
     cut = vref.sum() >= _FEW and len(silent) and np.median(silent) < np.quantile(level[vref], 0.1) - _BELOW
@@ -129,7 +140,20 @@ def _open_strip(
         f"places where its neighbours expect 0.15 to 0.85 of Vref{where}"
     )
     numbers = {"places": float(places), "at_ground": float(on_ground), "at_vref": float(vref.sum())}
-    yield work.suspect("open-strip", [strip], evidence, numbers, gain)
+    suspect = work.suspect("open-strip", [strip], evidence, numbers, gain)
+    # A palm over the ends of some strips is on one rail at some places, too.
+    one_rail = not always and not (on_ground and vref.any())
+    yield replace(suspect, doubtful=one_rail and not (_spread(levels) > _FAR_APART and _apart(levels, sound)))
+
+
+def _apart(levels: FloatArray, sound: FloatArray) -> bool:
+    """Whether a strip is on its rail at heights (places,) that are all on one side of those where it reads well."""
+    sound = np.sort(sound[np.isfinite(sound)])
+    levels = levels[np.isfinite(levels)]
+    if not len(sound) or not len(levels):
+        return False
+    below = float(np.searchsorted(sound, levels).mean()) / len(sound)
+    return max(below, 1.0 - below) > _SIDE
 
 
 def _one_channel(
@@ -188,17 +212,23 @@ def _followed(work: WorkingCopy) -> Iterator[tuple[str, int, FloatArray, FloatAr
 def not_moving(work: WorkingCopy) -> Iterator[Suspect]:
     """Find channels that keep one value while their neighbours move."""
     still = max(0.004, 3.0 * work.sigma)
+    without_contact = work.touched_without_contact()
     for name, strip, values, expected in _followed(work):
         own, predicted = _spread(values), _spread(expected)
-        if _rests(work, strip, still):
+        rests = _rests(work, strip, still)
+        if rests and not without_contact[strip]:
             continue
         if own <= still and np.ptp(values) <= 3.0 * still and predicted > max(_MOVES, 5.0 * own):
             level = float(np.median(values))
             near = max(_RAIL, 4.0 * work.sigma)
             fault = "dead" if abs(level - _ground(work)) < near else "stuck"
             end = ""
-            if len(work.k) == 1 and min(abs(level), abs(level - 1.0)) < near and fault == "stuck":
-                # Another level than a free wire's: the strip hangs on one rail.
+            if (
+                len(work.k) == 1
+                and min(abs(level), abs(level - 1.0)) < _NEAR_RAIL
+                and not without_contact[strip]
+            ):
+                # Strips over metal have no wire of their own that could be dead: the strip hangs on one rail.
                 fault, end = "open-strip", f"; {_open_end(at_vref=level > 0.5)}"
             evidence = (
                 f"stays within {100 * own:.2g} % of Vref of {level:.4g} Vref over {len(values)} places, while its "
@@ -206,12 +236,16 @@ def not_moving(work: WorkingCopy) -> Iterator[Suspect]:
             )
             numbers = {"level": level, "own_spread": own, "neighbours_spread": predicted}
             misfit = float(np.abs(values - expected).mean())
-            yield work.suspect(fault, [strip], evidence, numbers, misfit, name if not end else None)
+            suspect = work.suspect(fault, [strip], evidence, numbers, misfit, name if not end else None)
+            yield replace(suspect, doubtful=rests)
 
 
 def _rests(work: WorkingCopy, strip: int, still: float) -> bool:
     """Whether both channels of an outermost strip keep their values: an object of its own may lie still there."""
     if strip not in (0, work.strips - 1):
+        return False
+    there = work.there[:, strip]
+    if there.mean() < _ALL_THE_TIME and passes(np.flatnonzero(there)) >= _VISITS:
         return False
     own = [values[np.isfinite(values[:, strip]), strip] for values in work.k.values()]
     return len(own) > 1 and all(len(values) and _spread(values) <= still for values in own)
@@ -291,10 +325,11 @@ def never_touched(work: WorkingCopy) -> Iterator[Suspect]:
         if count >= _FEW and moved:
             fault = "dead"
             evidence = f"reads no contact in {count} places where both its neighbours do, though the contact moves on"
-            if work.at_ground[work.order[strip]]:  # one open clamp, rather than all wires dead
+            on_ground = bool(work.at_ground[work.order[strip]])
+            if on_ground or len(work.k) == 1:  # one open clamp, rather than all wires dead
                 fault = "open-strip"
                 end = _open_end(at_vref=False)
-                evidence += f", and is on ground throughout; {end}, then at the sensing wires"
+                evidence += f"{', and is on ground throughout' * on_ground}; {end}, then at the sensing wires"
             yield work.suspect(fault, [strip], evidence, {"places": float(count)}, 1.0)
 
 

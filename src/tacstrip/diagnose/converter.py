@@ -23,6 +23,8 @@ _LAGS = 200  # parts of a recording: a contact that does not move in one is held
 _ALONG, _ENOUGH = 0.4, 40  # over Vref, how far contacts move; readings of a strip
 _BEYOND = 0.15  # of the readings at a strip's highest level: more above it, and it is not the highest
 _OFTEN, _SEEN = 0.6, 0.4  # of the strips along which contacts move to and fro, and of all
+_SOME, _SOME_SEEN = 0.4, 0.25  # the same for a question
+_MOVING = 0.6  # of the strips' levels: the contact's lowest reading moves at the others
 _ALIKE = 0.045  # over Vref: scatter of their levels
 _PILE = 3.5  # times as dense as below
 # Steps and over Vref, of noise that would show; over Vref, of ends, where converters stop; readings at a level.
@@ -93,14 +95,15 @@ def wrong_reference(log: Log, sigma: float) -> tuple[list[Finding], list[Questio
         )
         for i in np.flatnonzero(often | far.any(axis=0))
     ]  # fmt: skip
-    factor = _end_level(log, sigma)
+    factor, sure = _end_level(log, sigma)
     if factor is None:
         return found, [], 1.0
     evidence = (
-        f"all strips' readings pile up at {factor:.4g} of Vref, each time that a contact gets there, as at the end: "
+        f"{'all' if sure else 'several'} strips' readings pile up at {factor:.4g} of Vref, each time that a contact "
+        "gets there, as at the end: "
         f"Vref is {factor * log.sensor.vref_volt:.4g} V, or the gain {factor:.4g}"
     )
-    if factor > _SURE_CEILING:
+    if factor > _SURE_CEILING or not sure:
         return (
             found,
             [Question((), ("wrong-vref",), f"{evidence}; a frame over the strips' ends does it too")],
@@ -109,8 +112,10 @@ def wrong_reference(log: Log, sigma: float) -> tuple[list[Finding], list[Questio
     return [Finding("wrong-vref", (), evidence, {"factor": factor}), *found], [], factor
 
 
-def _end_level(log: Log, sigma: float) -> float | None:
-    """Return the level below 1 at which all strips' readings pile up, each at its own but alike; None without one.
+def _end_level(log: Log, sigma: float) -> tuple[float | None, bool]:
+    """Return the level below 1 at which strips' readings pile up, each at its own but alike, and whether most do.
+
+    None without one.
 
     A contact that leaves over the end at Vref reads 1 (3.3), (3.8) all the while, whatever its length and wherever the
     rest of it goes. Others reach the same height on all strips only if they lie straight, or are not moved along them.
@@ -118,7 +123,7 @@ def _end_level(log: Log, sigma: float) -> float | None:
     k = log.k
     top = k.get("kh", k.get("k"))
     if top is None or not log.sensor.kind.closed_form:
-        return None
+        return None, False
     lag = max(1, len(top) // _LAGS)
     every = np.concatenate([*k.values()], axis=1)
     step = np.abs(np.nan_to_num(every[lag:], nan=-1.0) - np.nan_to_num(every[:-lag], nan=-1.0))
@@ -152,17 +157,18 @@ def _end_level(log: Log, sigma: float) -> float | None:
         there = np.abs(own - level) <= 1.001 * wide  # of rounding
         scans[here[there]] = True
         found.append((level, count[at] / max(below, 1.0), float(np.std(lowest[here[there]]))))
-    if len(found) < max(4, _OFTEN * tested, _SEEN * seen):
-        return None
+    if len(found) < max(4, _SOME * tested, _SOME_SEEN * seen):
+        return None, False
+    sure = len(found) >= max(_OFTEN * tested, _SEEN * seen)
     level, pile, moves = np.array(found).T
     middle = float(np.median(level))
     scatter = float(robust_sigma(level - middle))
     if not 0.4 < middle < _NO_CEILING - scatter / np.sqrt(len(level)) or scatter > _ALIKE:
-        return None
+        return None, False
     # A contact at the end of one strip is not there on the next: of all strips together.
     visits = np.count_nonzero(np.diff(np.flatnonzero(scans)) > _APART * len(top)) + 1
-    surely = np.median(pile) > _PILE and np.median(moves) > _REST_MOVES and visits >= _VISITS
-    return middle if surely else None
+    piled = np.median(pile) > _PILE and np.quantile(moves, _MOVING) > _REST_MOVES and visits >= _VISITS
+    return (middle, sure) if piled else (None, False)
 
 
 def common_ceiling(log: Log, sigma: float) -> Iterator[Finding]:

@@ -32,7 +32,7 @@ _RESTLESS = 3.0  # times the other strips' changes from scan to scan: contacts t
 _STEPS, _STEP_NOISE = 4, 8.0  # scans beside a jump, twice; times the median change
 _TERMS = 8  # functions of time: a line, and cosines of 1 to 4 periods
 _USUAL = 0.02  # over Vref: prior standard deviation of each
-_FEWEST = 24  # bends of a strip
+_FEWEST, _FEWEST_STRIPS = 24, 5  # bends of a strip; strips with so many
 _PAUSE, _STEP = 2, 0.12  # rows between two looks at a strip, and over Vref, how far its contact moves in one
 _LOOKS_BESIDE, _MOST_IN_LOOK = 9, 6  # looks, and rows of one that count
 _LEAST_CHANCE = float(np.exp(-700.0))  # that a float can hold, nearly
@@ -41,7 +41,7 @@ _CONSTANT = 3  # numbers of a strip's constant error
 # That is held against chance on any of some 20 strips and three signals: below 1 in 10,000. Less is a question.
 _GAIN, _OUTSTANDING, _SIZE = 140.0, 2.1, 0.0025
 _GAIN_OF_LINE, _OUTSTANDING_LINE, _CERTAIN = 60.0, 3.0, 4.0
-_GAIN_ASKED, _OUTSTANDING_ASKED, _CERTAIN_ASKED = 100.0, 1.4, 2.7
+_GAIN_ASKED, _OUTSTANDING_ASKED, _CERTAIN_ASKED = 100.0, 1.4, 2.4
 _LINE = (0.35, 0.6)  # of a change's gain that a line explains: less is wander, more drift
 _MOST_FOUND, _MOST_ASKED = 4, 2  # strips
 _MIDDLE = (np.arange(_BLOCKS) + 0.5) / _BLOCKS
@@ -317,7 +317,8 @@ def _against_neighbours(work: WorkingCopy, tau: FloatArray) -> tuple[_Change | N
                           change[3], change[4])  # fmt: skip
             if best is None or one.gain > best.gain:
                 best = one
-    return best, seen
+    # Of fewer strips there are no others to hold one against.
+    return (best, seen) if seen.sum() >= _FEWEST_STRIPS else (None, np.zeros_like(seen))
 
 
 def _blocks(found: Explanation, terms: int) -> tuple[FloatArray, FloatArray]:

@@ -26,6 +26,7 @@ _MOVES = 0.03  # over Vref
 _MOST_ALONE = 8  # scans that a pointed contact touches one strip at its end
 _LEAST, _MOST = 0.04, 0.7  # of the scans in which a dropout could be seen
 _OTHERS = 4.0  # times as many jumps as the third-worst strip: a contact's shape does the same to several
+_LASTING = 0.98  # of a strip's readings on one rail: it is open at an end, and does not come and go
 _FEW_OUT = 8  # scans on one rail, as those of a cut strip are
 _MOST_ASKED = 2  # strips: more is no joint of a strip
 _CUT = 0.12  # a cut strip drops out at some heights, which are all above or all below the others
@@ -46,9 +47,14 @@ def intermittent(work: WorkingCopy) -> tuple[list[Finding], list[Question]]:
     """
     jumps, away = _jumps(work)
     lines = [predict_from_neighbours(values, work.there)[0] for values in work.k.values()]
-    findings = list(_often(work))
+    lasting = _never_good(work)
+    jumps[:, lasting] = 0
+    findings = list(_often(work, lasting))
     named = {i for f in findings for i in f.strips}
     asked: list[Question] = []
+    often = (jumps >= _JUMPS).any(axis=0) & ~np.isin(work.order, list(named))
+    if often.sum() > _MOST_ASKED:  # a finger that hardly touches comes and goes on many strips
+        jumps[:, often] = 0
     for strip in np.flatnonzero(jumps.any(axis=0)).tolist():
         if (number := int(work.order[strip])) in named or not _anywhere(work, lines, away, strip):
             continue
@@ -103,6 +109,8 @@ def _jumps(work: WorkingCopy) -> tuple[IntArray, BoolArray]:
         if len(values) > 1
         else np.zeros(work.there.shape, bool)
     )
+    # A contact's rim, where it comes and goes, leaves the level of rest.
+    same &= (np.abs(values - rest) >= near).all(axis=0)
     lasts = away.copy()  # not a stray
     lasts[:, 1:-1] &= away[:, 2:] | away[:, :-2]
     solid = away & (same | lasts)
@@ -122,8 +130,20 @@ def _jumps(work: WorkingCopy) -> tuple[IntArray, BoolArray]:
     return jumps, away
 
 
-def _often(work: WorkingCopy) -> Iterator[Finding]:
-    """Yield channels that drop out in many scans."""
+def _never_good(work: WorkingCopy) -> BoolArray:
+    """Return which strips (strips,) do not come and go: on one rail wherever touched, or touched where nothing is."""
+    near = max(_FREE, 5.0 * work.sigma)
+    on_rail = np.ones((2, work.strips), bool)
+    for values in work.k.values():
+        known = np.isfinite(values)
+        for side, rail in enumerate((0.0, 1.0)):
+            at = (known & (np.abs(values - rail) < near)).sum(axis=0)
+            on_rail[side] &= at > _LASTING * np.maximum(known.sum(axis=0), 1)
+    return np.asarray(on_rail.any(axis=0) | work.touched_without_contact())
+
+
+def _often(work: WorkingCopy, lasting: BoolArray) -> Iterator[Finding]:
+    """Yield channels that drop out in many scans; those of strips that are `lasting` do not."""
     rest = (work.sensor.rest_volt or 0.0) / work.sensor.vref_volt
     near = max(_FREE, 5.0 * work.sigma)
     gone = _gaps(work)
@@ -155,7 +175,7 @@ def _often(work: WorkingCopy) -> Iterator[Finding]:
             good = good | (alone & ~work.there & often)
             e = np.where(alone, 0.0, e)
         found[name] = [off_line, _Seen(out | silent, good, e, np.zeros_like(out))]
-    for strip in range(work.strips):
+    for strip in np.flatnonzero(~lasting).tolist():
         channels = [
             (name, *seen)
             for name, ways in found.items()

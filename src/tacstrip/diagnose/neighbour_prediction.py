@@ -19,6 +19,7 @@ _REACH = 3  # strips to either side that may stand in for a neighbour
 _MOVED = 0.01  # over Vref: a contact that changes a reading by this is at another place
 _ONE_CONTACT = 0.3  # over Vref: neighbours further apart are not taken to be under one contact
 _GROUND = 0.02  # over Vref
+_OFTEN_ALONE, _ALWAYS = 20, 0.97  # rows in which a strip's neighbours are untouched; of all rows
 _MOST_PLACES, _MOST_READINGS = 4000, 200_000
 
 
@@ -73,6 +74,13 @@ class WorkingCopy:
             if signature is None and not self.there[:, strip].all():
                 between = _shift(self.there, -1, False) & _shift(self.there, 1, False)
                 self.there[:, strip] |= between[:, strip]
+
+    def touched_without_contact(self) -> BoolArray:
+        """Return which strips (strips,) count as touched where no contact is: their level is not that of rest."""
+        padded = np.pad(self.there, ((0, 0), (1, 1)))
+        alone = ~padded[:, :-2] & ~padded[:, 2:]
+        count = (alone & self.there).sum(axis=0)
+        return np.asarray((count >= _OFTEN_ALONE) & (self.there.mean(axis=0) > _ALWAYS))
 
     def changed(self) -> None:
         """Forget what was computed from readings that have changed."""

@@ -121,12 +121,15 @@ def _leaves_low(values: FloatArray) -> float:
     top, own = float(np.quantile(values[there], 0.98)), values[scan, strip]
     if np.quantile(own, 0.9) > _LOW * top:
         return -1.0
-    beside = own.copy()
+    # The second-highest beside: one strip may be ill.
+    first, second = own.copy(), own.copy()
     for side in (-1, 1):
         same = np.ones(len(scan), dtype=bool)  # one contact: another finger may lie higher
         for away in range(1, _AWAY + 1):
             at = strip + side * away
             same &= (at >= 0) & (at < values.shape[1])
             same[same] &= there[scan[same], at[same]]
-            beside[same] = np.maximum(beside[same], values[scan[same], at[same]])
-    return float(np.mean((beside > 0.5 * top) & (own < 0.5 * beside)))
+            new = values[scan[same], at[same]]
+            second[same] = np.maximum(second[same], np.minimum(first[same], new))
+            first[same] = np.maximum(first[same], new)
+    return float(np.mean((second > 0.5 * top) & (own < 0.5 * second)))

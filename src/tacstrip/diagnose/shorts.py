@@ -39,10 +39,9 @@ _ONE_LEVEL = 0.06  # over Vref: offsets of two strips that read one level
 _FEW, _COMES, _OFTEN = 4, 2, 6  # places; times that the contact comes to an end; to both
 _RISES = 0.35  # over Vref, what the contact moves meanwhile
 _STRENGTH = (0.45, 1.9)  # times what a bridge does to readings
-_GAIN, _TIMES = (
-    (80.0, 45.0),
-    4.5,
-)  # misfit explained, in variances, inside and at the edges; times other pairs'
+_LEAST_BENT = 0.3  # times: of half of a slope that is extrapolated, or of a bridge with some resistance
+# Misfit explained, in variances, inside and at the edges; times other pairs', and for a question.
+_GAIN, _TIMES, _TIMES_ASKED = (80.0, 45.0), 4.5, 1.6
 _APART = 2  # strips: pairs further away are others
 _CONFOUNDED = 0.05  # of its power: what a bridge must do beyond shape and constant errors
 _LEAST = 0.005  # over Vref: standard deviation of what a bridge adds
@@ -134,7 +133,7 @@ def _flattened(work: WorkingCopy, alike: Mapping[int, tuple[float, float, int]])
             change = np.where(tied, half, 0.0)
             one.append({i: change, i + 1: -change})
         changes.append(one)
-    for strip, bridge, others in _outstanding(work, changes, (_BENT, _BENT), _BENT_TIMES):
+    for strip, bridge, others in _outstanding(work, changes, (_BENT, _BENT), _BENT_TIMES, _LEAST_BENT):
         if strip in alike:
             own, usual, places = alike[strip]
             evidence = (
@@ -298,7 +297,7 @@ def _bridged_energised(work: WorkingCopy) -> Iterator[Suspect]:
     for i in range(work.strips - 1):
         change = bridge_effect(_level(values, i)[:, None], *_PLACES)
         changes.append([{i: change, i + 1: change}])
-    for strip, bridge, others in _outstanding(work, changes):
+    for strip, bridge, others in _outstanding(work, changes, times=_TIMES_ASKED):
         added = bridge.strength * changes[strip][0][strip][:, bridge.which]
         size, most, least = (float(f(added)) for f in (np.nanstd, np.nanmax, np.nanmin))
         if size > _LEAST and moved_to_and_fro(_known(_level(values, strip)), work.sigma, _HIGH_AND_LOW):
@@ -308,7 +307,8 @@ def _bridged_energised(work: WorkingCopy) -> Iterator[Suspect]:
                 f"{bridge.gain / max(others, 1e-9):.2g} times as much as between other strips"
             )
             numbers = {"most": most, "least": least, "strength": bridge.strength, "gain": bridge.gain}
-            yield work.suspect("short", [strip, strip + 1], evidence, numbers, size)
+            suspect = work.suspect("short", [strip, strip + 1], evidence, numbers, size)
+            yield replace(suspect, doubtful=bridge.gain < _TIMES * others)
 
 
 @dataclass(frozen=True)
@@ -325,11 +325,13 @@ def _outstanding(
     changes: Sequence[Sequence[Mapping[int, FloatArray]]],
     gains: tuple[float, float] = _GAIN,
     times: float = _TIMES,
+    weakest: float = _STRENGTH[0],
 ) -> Iterator[tuple[int, _Bridge, float]]:
     """Yield pairs whose bridge explains much more than any between strips further away, and the most of these.
 
     `changes`, of each pair and signature: what alternative bridges do to each of its strips (places, alternatives);
-    `gains`: the least, inside and at the edges; `times`: of those of pairs further away.
+    `gains`: the least, inside and at the edges; `times`: of those of pairs further away; `weakest`: the least
+    of a bridge's ideal effect.
     """
     models = [BendModel.of(work, name) for name in work.k]
     found = [_best(models, change) for change in changes]
@@ -338,7 +340,7 @@ def _outstanding(
         near = max((b.gain for i, b in enumerate(found) if 0 < abs(i - strip) <= _APART), default=0.0)
         at_edge = strip in (0, len(found) - 1)
         least = max(gains[at_edge], times * others, near)
-        if _STRENGTH[0] < bridge.strength < _STRENGTH[1] and bridge.gain > least:
+        if weakest < bridge.strength < _STRENGTH[1] and bridge.gain > least:
             yield strip, bridge, others
 
 

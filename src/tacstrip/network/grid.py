@@ -19,7 +19,7 @@ MOST = 1000  # cells, rows or columns each way
 _ON_EDGE = 1e-9  # of a cell or a pitch
 
 
-def on_surface(
+def cut_to_surface(
     contact: Contact, width_mm: float, height_mm: float, name: str
 ) -> tuple[list[BaseGeometry], bool]:
     """Cut a contact to a surface that spans x 0 to width and y 0 to height [mm].
@@ -155,7 +155,7 @@ def tactels(contact: Contact, rows: int, columns: int, pitch_mm: float) -> BoolA
     """
     check_mm(pitch_mm=pitch_mm)
     rows, columns = check_count("rows", rows, MOST), check_count("columns", columns, MOST)
-    shapes, _ = on_surface(contact, columns * pitch_mm, rows * pitch_mm, "array")
+    shapes, _ = cut_to_surface(contact, columns * pitch_mm, rows * pitch_mm, "array")
     i, j = np.indices((rows, columns))
     closed = np.zeros((rows, columns), dtype=bool)
     for shape in shapes:

@@ -18,7 +18,7 @@ from tacstrip.design.limits import ErrorMap, Limit, limit_map, outline_of
 from tacstrip.geometry.outline import Outline
 from tacstrip.geometry.region import regions
 from tacstrip.plot.scene import draw_polygon, fill_sheet, zoom
-from tacstrip.plot.sensors import on_sensor
+from tacstrip.plot.sensors import axes_with_sensor
 from tacstrip.plot.theme import COLOURS, RECOVERED, TRUE, legend_above, new_figure, plain_ticks, themed
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
@@ -74,7 +74,7 @@ def limits(
     outline = outline_of(sensor, contact)
     noise = sensor.noise or Noise() if noise is None else noise
     over = limit_map(sensor, outline, noise, grid, grid)
-    axes = on_sensor(sensor, ax)
+    axes = axes_with_sensor(sensor, ax)
     _draw_map(axes, sensor, outline, over)
     return axes
 
@@ -101,7 +101,7 @@ def limits_figure(sensor: Sensor, outline: Outline, found: Sequence[Limit], over
             left, right = figure.subplots(
                 1, 2, width_ratios=(1.0, max(sensor.width_mm / sensor.length_mm, 0.55))
             )
-    on_sensor(sensor, left)
+    axes_with_sensor(sensor, left)
     draw_polygon(left, outline.vertices, TRUE)
     for number, limit in enumerate(found):
         colour = COLOURS[limit.signatures[0]] if len(limit.signatures) == 1 else COLOURS["profile"]
@@ -116,7 +116,7 @@ def limits_figure(sensor: Sensor, outline: Outline, found: Sequence[Limit], over
     if entries := left.get_legend_handles_labels()[0]:  # within, it would lie on a long sensor
         figure.legend(handles=entries, loc="outside lower left", ncols=3, frameon=False)
     fill_sheet(left, sensor)
-    on_sensor(sensor, right)
+    axes_with_sensor(sensor, right)
     _draw_map(right, sensor, outline, over)
     right.set_title("error with the contact's centroid here")
     return figure

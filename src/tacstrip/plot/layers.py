@@ -13,8 +13,7 @@ from matplotlib.patches import Polygon
 
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.shape import Contact
-from tacstrip.plot.labels import LabelledObject, labelled_objects
-from tacstrip.plot.scene import draw_contact, draw_signatures, number_strips
+from tacstrip.plot.scene import LabelledObject, draw_contact, draw_signatures, labelled_objects, number_strips
 from tacstrip.plot.theme import SENSOR, STRIP, add_axes, legend_above, new_figure
 from tacstrip.reconstruction.result import Reconstruction
 from tacstrip.scan import Scan

@@ -19,20 +19,21 @@ from tacstrip.arrays import FloatArray
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import ArgumentError
 from tacstrip.geometry.region import regions
-from tacstrip.plot.labels import LabelledObject, labelled_objects
 from tacstrip.plot.layers import draw_object
-from tacstrip.plot.scans import left_out, say_nothing, scan, spread
+from tacstrip.plot.scans import how_many_drawn, say_nothing, scan, spread
 from tacstrip.plot.scene import (
+    LabelledObject,
     draw_contact,
     draw_piece,
     draw_polygon,
     draw_regions,
     draw_sensor,
     fill_sheet,
+    labelled_objects,
     neighbourhood,
     zoom,
 )
-from tacstrip.plot.sensors import on_sensor
+from tacstrip.plot.sensors import axes_with_sensor
 from tacstrip.plot.theme import TRUE, add_axes, legend_above, new_figure, new_panels
 from tacstrip.reconstruction.result import Reconstruction
 from tacstrip.scan import Scan
@@ -95,7 +96,7 @@ def result(
     shown = spread(touched, _MOST_SCANS)
     own = ax is not None and (ax.has_data() or not ax.get_autoscale_on())  # limits of the caller's
     kept = {"xlim": ax.get_xlim(), "ylim": ax.get_ylim()} if ax is not None and own else None
-    axes = on_sensor(sensor, ax)
+    axes = axes_with_sensor(sensor, ax)
     objects = labelled_objects({"recovered": results}, shown)
     some = _shown_truth(truth, len(results), shown)
     with_regions = len(shown) <= _MOST_WITH_REGIONS
@@ -105,7 +106,7 @@ def result(
         legend_above(axes, handles=handles, labels=labels)
     if not objects:
         say_nothing(axes, "no strip is touched")
-    if why := left_out(shown, touched, results):
+    if why := how_many_drawn(shown, touched, results):
         axes.set_title(why)
     if kept is None:
         fill_sheet(axes)
@@ -163,7 +164,7 @@ def uncertainty(
     """
     if magnify is not None and not (isinstance(magnify, int | float) and 0.0 < magnify < np.inf):
         raise ArgumentError(f"magnify = {magnify!r}: must be a number above 0, such as 10")
-    axes = on_sensor(sensor, ax)
+    axes = axes_with_sensor(sensor, ax)
     objects = [o for o in labelled_objects({"recovered": [result]}, [0]) if o.found.found]
     points = _points(objects, [] if truth is None else [truth])
     around = [regions(o.found.vertices, o.found.covariance) for o in objects]
@@ -226,7 +227,7 @@ def film_strip(
     named = {"recovered": results}
     times = [one.time_s for one in results]
     frames = _draw_frames(figure, (rows, columns), sensor, named, shown, times, truth, len(results))
-    if why := left_out(shown, touched, results):
+    if why := how_many_drawn(shown, touched, results):
         figure.suptitle(why)
     _settle(figure)
     return frames
@@ -258,7 +259,7 @@ def reconstruction_figure(
     closer = len(points) > 0 and not _nearly_all(sensor, points)
     figure, panels = new_panels(9.5, 5.2, 1, 2 + closer)
     for axes in panels[:-1]:
-        on_sensor(sensor, axes)
+        axes_with_sensor(sensor, axes)
         axes.set_aspect("equal", adjustable="box")
         _draw_shapes(axes, sensor, objects, some, with_regions=True)
     if closer:
@@ -284,7 +285,7 @@ def _film_figure(
     figure = new_figure(9.5, _frame_height(sensor) * rows + 3.4)
     times = [one.time_s for one in scans]
     _draw_frames(figure, (rows + 1, columns), sensor, results, shown, times, truth, len(scans))
-    if why := left_out(shown, touched, scans):
+    if why := how_many_drawn(shown, touched, scans):
         figure.suptitle(f"shapes of {why}")
     _draw_readings(
         add_axes(figure, rows + 1, columns, (rows * columns + 1, (rows + 1) * columns)), sensor, scans

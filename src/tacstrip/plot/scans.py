@@ -75,7 +75,7 @@ def scan(scan: Scan | Sequence[Scan], sensor: AnySensor, *, ax: Axes | None = No
         say_nothing(axes, "no strip is touched")
     elif entries:
         legend_above(axes, handles=entries[0], labels=entries[1])
-    if why := left_out(shown, touched, scans):
+    if why := how_many_drawn(shown, touched, scans):
         axes.set_title(why)
     return axes
 
@@ -86,7 +86,7 @@ def spread(numbers: Sequence[int], most: int) -> list[int]:
     return [numbers[round(i * (len(numbers) - 1) / max(count - 1, 1))] for i in range(count)]
 
 
-def left_out(shown: Sequence[int], touched: Sequence[int], scans: Sequence[object]) -> str:
+def how_many_drawn(shown: Sequence[int], touched: Sequence[int], scans: Sequence[object]) -> str:
     """Say how many of the scans are drawn; "" where all are."""
     if len(shown) == len(touched):
         return ""

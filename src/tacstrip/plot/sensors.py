@@ -43,7 +43,7 @@ def sensor(sensor: AnySensor, *, ax: Axes | None = None) -> Axes:
     >>> ax.get_xlabel()
     'across the strips x [mm]'
     """
-    axes = on_sensor(sensor, ax)
+    axes = axes_with_sensor(sensor, ax)
     fill_sheet(axes)
     return axes
 
@@ -76,7 +76,7 @@ def contact(contact: Contact, sensor: AnySensor | None = None, *, ax: Axes | Non
     ['what touches']
     """
     if sensor is not None:
-        axes = on_sensor(sensor, ax)
+        axes = axes_with_sensor(sensor, ax)
     else:
         axes = axes_or_new(ax)
         if ax is None or not ax.has_data():
@@ -90,7 +90,7 @@ def contact(contact: Contact, sensor: AnySensor | None = None, *, ax: Axes | Non
     return axes
 
 
-def on_sensor(sensor: AnySensor, ax: Axes | None) -> Axes:
+def axes_with_sensor(sensor: AnySensor, ax: Axes | None) -> Axes:
     """Return axes with a sensor in them, to draw more into."""
     axes = axes_or_new(ax, *_sheet(sensor))
     if isinstance(sensor, LayeredSensor):

@@ -13,7 +13,7 @@ from tacstrip.arguments import takes
 from tacstrip.geometry.region import regions
 from tacstrip.plot.scans import say_nothing
 from tacstrip.plot.scene import draw_polygon, fill_sheet
-from tacstrip.plot.sensors import on_sensor
+from tacstrip.plot.sensors import axes_with_sensor
 from tacstrip.plot.theme import OTHERS, RECOVERED, SENSOR, add_axes, legend_above, new_figure
 from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.track import Track
@@ -53,7 +53,7 @@ def track(tracks: Track | Sequence[Track], sensor: Sensor, *, ax: Axes | None = 
     >>> [text.get_text() for text in ax.get_legend().get_texts()]
     ['object 1: ok']
     """
-    axes = on_sensor(sensor, ax)
+    axes = axes_with_sensor(sensor, ax)
     any_drawn = False
     for one, colour, marker in _coloured([tracks] if isinstance(tracks, Track) else tracks):
         label = f"object {one.id}: {one.status}" if one.id <= _MOST_NAMED else None

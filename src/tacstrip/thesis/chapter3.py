@@ -59,7 +59,7 @@ def surface_net(model: Model) -> tuple[FloatArray, FloatArray, FloatArray]:
     return l, across, model(l, across, 1.0)
 
 
-def touched_strips(sensor: Sensor, angle_rad: float, depth_mm: float) -> BoolArray:
+def strips_touched_by_flat(sensor: Sensor, angle_rad: float, depth_mm: float) -> BoolArray:
     """Tell which strips of a tube (strips,) a flat object touches that is pressed on at an angle [rad]."""
     radius = tube_radius(sensor)
     off_axis = strip_angle(sensor, np.arange(sensor.strips, dtype=float)) - angle_rad
@@ -95,7 +95,7 @@ def _cross_section(axes: Axes, sensor: Sensor) -> None:
     radius, up = tube_radius(sensor), 0.5 * np.pi
     middle = float(strip_angle(sensor, np.array(0.5 * (sensor.strips - 1))))
     turn = up - middle  # the middle strip is drawn on top
-    touched = touched_strips(sensor, middle, _DEPTH_MM)
+    touched = strips_touched_by_flat(sensor, middle, _DEPTH_MM)
     axes.add_patch(Wedge((0, 0), radius - _THICK_MM, 0, 360, width=0.8, facecolor=SENSOR, edgecolor=TRUE))
     half = np.rad2deg(0.5 * sensor.strip_width / radius)
     for i in range(sensor.strips):

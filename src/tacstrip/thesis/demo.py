@@ -40,7 +40,7 @@ _COLOURS = {"before": OTHERS[0], "after": RECOVERED}
 
 
 @dataclass(frozen=True)
-class Trial:
+class Attempt:
     """One method on one set of readings."""
 
     readings: str  # "before" or "after" calibration
@@ -57,7 +57,7 @@ class Demo:
     sensor: Sensor
     contact: Contact
     scans: dict[str, Scan]
-    trials: list[Trial]
+    trials: list[Attempt]
 
 
 def run() -> Demo:
@@ -67,11 +67,11 @@ def run() -> Demo:
     volts = data_path("demo_readings.csv")
     units = {"before": sensor, "after": twin("CRS-CRS")}
     scans = {name: read_readings(volts, unit)[0] for name, unit in units.items()}
-    trials = [t for name, scan in scans.items() for t in _trials(name, scan, sensor, contact)]
+    trials = [t for name, scan in scans.items() for t in _attempts(name, scan, sensor, contact)]
     return Demo(sensor, contact, scans, trials)
 
 
-def _trials(name: str, scan: Scan, sensor: Sensor, contact: Contact) -> list[Trial]:
+def _attempts(name: str, scan: Scan, sensor: Sensor, contact: Contact) -> list[Attempt]:
     true_x = np.sort(contact.vertices[:, 0])
     lines = replace(sensor, strip_width_mm=None)  # as the volts were made
     found = [(FIT, "", fit_polygon(scan, lines)), ("P.R.", "", profile_reconstruction(scan, sensor))]
@@ -80,7 +80,7 @@ def _trials(name: str, scan: Scan, sensor: Sensor, contact: Contact) -> list[Tri
             shape = vertex_reconstruction(scan, sensor, signature=signature, transitions=x)
             found += [(method, how, shape)]
     return [
-        Trial(name, method, how, o, mismatch(contact.vertices, o.vertices) if o.found else None)
+        Attempt(name, method, how, o, mismatch(contact.vertices, o.vertices) if o.found else None)
         for method, how, result in found
         for o in result.objects
     ]

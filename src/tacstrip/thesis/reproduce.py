@@ -20,17 +20,15 @@ from tacstrip.plot.theme import save
 from tacstrip.report.page import Picture, write_report
 from tacstrip.thesis import chapter2, chapter3, chapter4
 from tacstrip.thesis.captions import caption
-from tacstrip.thesis.chapter5 import error_figures
-from tacstrip.thesis.chapter5 import recovery_figures as chapter5
+from tacstrip.thesis.chapter5 import figures as chapter5
 from tacstrip.thesis.chapter5.claims import judge_claims
 from tacstrip.thesis.chapter5.tables import run_cell, summarise
-from tacstrip.thesis.chapter6 import prototype_figures, recovery_figures
-from tacstrip.thesis.chapter6.calibration import calibration_rows, prototype_rows, residual_rows
+from tacstrip.thesis.chapter6 import figures as chapter6
 from tacstrip.thesis.chapter6.claims import judge_chapter6
-from tacstrip.thesis.chapter6.tables import run_experiment
+from tacstrip.thesis.chapter6.tables import calibration_rows, prototype_rows, residual_rows, run_experiment
 from tacstrip.thesis.shapes import POSITIONS
 
-_FILES = (chapter2, chapter3, chapter4, error_figures, chapter5, recovery_figures, prototype_figures)
+_FILES = (chapter2, chapter3, chapter4, chapter5, chapter6)
 _DRAWN = {figure: draw for file in _FILES for figure, draw in file.FIGURES.items()}
 Progress = Callable[[int, int], None]
 

@@ -13,7 +13,7 @@ from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.contact.noise import Noise
 from tacstrip.core.hull import available
 from tacstrip.core.problem import FLOOR
-from tacstrip.core.rigid import RigidScans, linearised
+from tacstrip.core.rigid import RigidScans
 from tacstrip.errors import ReadingError, SignatureError
 from tacstrip.geometry.moments import deviations, moments
 from tacstrip.geometry.pose import placed
@@ -30,14 +30,16 @@ from tacstrip.sensor.left_out import left_out_wholly
 from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.episodes import Episode, episodes, only, spanned
 from tacstrip.tracking.rigid.corners import Fit, posed, reflex
-from tacstrip.tracking.rigid.covariance import covariances, information
+from tacstrip.tracking.rigid.covariance import covariances, following, information
 from tacstrip.tracking.rigid.offsets import not_ruled_out, taken_off, with_offsets
 from tacstrip.tracking.rigid.posterior import scatter
+from tacstrip.tracking.rigid.rivals import beside_rivals
 from tacstrip.tracking.rigid.search import (
     FEW_STRIPS,
     LEAST_STRIPS,
     Found,
     content,
+    counted_among_followers,
     freer_spline,
     recognised,
     search,
@@ -97,10 +99,6 @@ _WANDERS = (
     "errors of channels follow each other from scan to scan: many scans are worth fewer, and a corner may be made of "
     "such errors; regions of the shape are {times:.2g} times as wide. Calibrate, or let the unit warm up"
 )
-_FOLLOWING, _LAGS = (
-    3.0,
-    20,
-)  # deviations of what neighbouring scans leave over alike; scans that are looked back
 _SHORT = "{n} scans show it, too few for a shape over time: the outline is that of the scan that tells most"
 _UNEXPLAINED = (
     "in the scans in which it shares strips the known objects do not explain the readings: another is there that is "
@@ -391,9 +389,7 @@ class Object:
             [self.shown[i] for i in order],
             fit.poses[order],
             self.scans.k[order],
-            tuple(o for o, _ in self.found.others)
-            if self.found.spread_mm > _TOLD * self.scans.sensor.pitch_mm
-            else (),
+            tuple(self.found.unlike(_TOLD * self.scans.sensor.pitch_mm)),
         )
 
     @property
@@ -507,6 +503,9 @@ def searched(
             break
         level, begun = float(np.clip(left, least, _CEILING)), None
         every = every.with_sigma(level)
+    rest = taken_off(every.of(few), ended.offsets)
+    if ended.fit.basis is None and content(rest, ended.fit, read.distribution):
+        ended = counted_among_followers(rest, ended, read.distribution)
     every = taken_off(every, ended.offsets)
     fit = with_all_poses(every, few, ended.fit)
     found = replace(ended, fit=fit, chosen=few[ended.chosen], starts=None)
@@ -687,8 +686,9 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
     if deviation:
         equations = with_offsets(one.scans, fit, equations, deviation)
     shape, of_poses = covariances(equations, corners, fit.poses, freer_spline(fit.basis))
-    wider = _following(one, fit)
-    shape = wider**2 * shape
+    order = np.argsort(one.shown)
+    wider = following(one.scans.of(order), corners, fit.poses[order])
+    shape = wider**2 * beside_rivals(one.scans, one.found, shape, deviation)
     all_spin = np.kron(np.eye(len(corners)), spin.T)
     shape = np.asarray(all_spin @ shape @ all_spin.T)
     poses, spreads = np.full((total, 3), np.nan), np.full((total, 3, 3), np.nan)
@@ -699,7 +699,7 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
     poses[:, 2] = _less_than_half_turns(poses[:, 2])
     advice, note, alone = "", "", None
     explained = content(one.scans, fit, read.distribution)
-    if one.scans.strips_touched < LEAST_STRIPS:
+    if one.scans.strips_touched < LEAST_STRIPS and not one.shared:
         advice = _SMALL
     elif not explained:
         times = math.sqrt(fit.cost / fit.freedom(one.scans))
@@ -740,25 +740,6 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
         0, outline, shape, poses, spreads, np.empty(0), np.empty(0), status, advice or note, () if told else others,
         joint, _motion(fit), _offsets(one, skin), alone,
     )  # fmt: skip
-
-
-def _following(one: Object, fit: Fit) -> float:
-    """Return how many times as far off errors that follow each other from scan to scan leave the shape; 1: none do.
-
-    That is the square root of their integrated autocorrelation, as for the mean of a series.
-    """
-    order = np.argsort(one.shown)
-    left = (one.scans.k - linearised(one.scans, fit.corners, fit.poses).model)[order]
-    alike = np.empty(0)
-    for lag in range(1, min(_LAGS, len(left) // 2)):
-        a, b = left[:-lag], left[lag:]
-        both = np.isfinite(a) & np.isfinite(b)
-        a, b = a[both], b[both]
-        r = float((a * b).sum() / max(math.sqrt(float((a * a).sum() * (b * b).sum())), 1e-300))
-        if r <= 0.0 or (lag == 1 and r * math.sqrt(len(a)) < _FOLLOWING):
-            break
-        alike = np.append(alike, r)
-    return math.sqrt(1.0 + 2.0 * float(alike.sum()))
 
 
 def _reframed(

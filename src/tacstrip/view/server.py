@@ -1,20 +1,74 @@
-"""The live page's server: aiohttp in a thread of its own."""
+"""The live page's server: aiohttp in a thread of its own, and who has access to it.
+
+This computer may view and control the page, others need a token.
+"""
 
 from __future__ import annotations
 
 import asyncio
+import hmac
 import json
+import secrets
 import socket
 from contextlib import suppress
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 from aiohttp import WSMsgType, web
 
 from tacstrip.errors import TacstripError
-from tacstrip.stream.http_server import HttpServer, close_socket
-from tacstrip.view.access import Access
+from tacstrip.stream.http_server import HttpServer, close_socket, is_loopback
 from tacstrip.view.controller import Controller
+
+LOCAL = ("127.0.0.1", "localhost", "::1")
+
+
+@dataclass(frozen=True)
+class Access:
+    """The access rules of a server.
+
+    Attributes
+    ----------
+    host
+        The address that it listens on; tokens are needed unless it is local to this computer.
+    look, control
+        The tokens: to view, and to control as well.
+    """
+
+    host: str
+    look: str = field(default_factory=lambda: secrets.token_urlsafe(12))
+    control: str = field(default_factory=lambda: secrets.token_urlsafe(12))
+
+    @property
+    def local(self) -> bool:
+        """Whether only this computer can reach the server."""
+        return is_loopback(self.host)
+
+    def refused(self, host: str | None, origin: str | None) -> str:
+        """Return why a request is refused, by its headers Host and Origin; empty where it is accepted.
+
+        A page of another site can send requests here with its own Origin; a foreign name that resolves to this address
+        (DNS rebinding) arrives as Host.
+        """
+        try:
+            name = urlsplit(f"//{host or ''}").hostname or ""
+            same_page = origin is None or urlsplit(origin).netloc == host
+        except ValueError:
+            return "the header Host or Origin is malformed"
+        if self.local and name not in LOCAL and name != self.host:
+            return f"this server answers to {', '.join(LOCAL)}, not to {name or 'a request without Host'}"
+        return "" if same_page else f"a page of {origin} may not use this server"
+
+    def may(self, token: str | None) -> tuple[bool, bool]:
+        """Return whether the holder of a token may view, and whether they may control."""
+        if self.local:
+            return True, True
+        given = (token or "").encode(errors="surrogatepass")
+        control = hmac.compare_digest(given, self.control.encode())
+        return control or hmac.compare_digest(given, self.look.encode()), control
+
 
 PAGE = Path(__file__).parent / "page"
 _FILES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -24,6 +25,7 @@ from tacstrip.io.log_import.names import (
     pair_of,
 )
 from tacstrip.io.log_import.questions import ROLES, Clues
+from tacstrip.io.log_import.statements import in_blocks_said, order_said, strips_order_said, told_channels
 from tacstrip.io.log_import.table import CLOCK, ROW
 
 _ABOVE = 0.95  # of the strips: k_h is above k_l there, and so the names are clear
@@ -40,15 +42,8 @@ _PAIRS_TOLD = 20  # pairs of readings that tell in which order columns stand
 _STEADY = 0.1  # of its largest value: a supply's voltage moves by no more
 _ALONE = 0.9  # of the readings of one end: so many have the other beside them
 _REST, _GAP = 0.05, 5.0  # of the largest reading: the most of noise; and times that: where readings begin
-_ORDER_SAID = re.compile(
-    r"(?=.*\b(?:strips?|columns?|channels?|streifen|spalten)\b)"
-    r".*\b(?:first|last|then|order|reversed?|descending|backwards|zuerst|zuletzt|dann|absteigend)\b",
-    re.IGNORECASE,
-)
-_FROM_AN_END = re.compile(
-    r"\b(?:first|last|reversed?|descending|backwards|zuerst|zuletzt|absteigend|not|except|without)\b",
-    re.IGNORECASE,
-)
+_MOST_ASKED = 6  # columns, of each of which is asked what it is
+_FEW_WORDS = 2  # among numbers: one may stand for no contact, which is asked
 _ALIKE = 0.02  # relative: two columns that are the same quantity in two units
 # What a column may be that holds something made of readings, or what is measured beside them.
 _DERIVED = frozenset(
@@ -413,7 +408,8 @@ def _by_contents(
         and n != ROW
         and _numeric(clues, n)
     ]
-    many = (1,) if clues.expected == ("out",) else (2,) if clues.expected else (1, 2)
+    which = any(known[n].role == "which" for n in taken if n in known)
+    many = (1,) if which or clues.expected == ("out",) else (2,) if clues.expected else (1, 2)
     wide = clues.sensor.strips * many[0] if clues.sensor else 0
     some = [n for n, m in known.items() if n not in {*taken, *given, ROW} and m.role not in ("time", "strip")]
     if sum(known[n].role != "scan" for n in some) == wide:
@@ -436,11 +432,11 @@ def _by_contents(
         channels = ("1", "2") if len(left) == 2 else ("",)
         return {n: Meaning("reading", c, unit=known[n].unit) for n, c in zip(left, channels, strict=True)}
     shown = ", ".join(clues.table.names[:8]) + (", ..." if len(clues.table.names) > 8 else "")
-    clues.ask(
-        (left or list(clues.table.names))[-1],
-        f"no column's name says that it holds readings (they are: {shown}); say it, of each that does",
-        *(clues.expected or ("h", "l", "out")),
-    )
+    text = f"no column's name says that it holds readings (they are: {shown}); say it, of each that does"
+    free = [n for n in clues.table.names if n not in {*taken, *given, ROW, CLOCK}]
+    for name in (left or free or list(clues.table.names))[-_MOST_ASKED:]:
+        clues.ask(name, text, *(clues.expected or ("h", "l", "out")), "skip")
+        text = "or of this one"
     clues.stop()
     raise AssertionError
 
@@ -453,19 +449,38 @@ def _ask_for_block(clues: Clues, why: str, names: list[str], wide: int) -> list[
     ]  # with none between
     blocks = [f"{names[n]}..{names[n + wide - 1]}" for n in starts or range(len(names) - wide + 1)]
     shown = (blocks[-1], *blocks[:-1][:2])
-    clues.ask("readings", f"{why}: which {wide} are the readings of the strips in their order?", *shown)
+    clues.ask(
+        "readings",
+        f"{why}: which {wide} are the readings of the strips in their order (else name all, with commas)?",
+        *shown,
+    )
     return names[-wide:]
 
 
+def _parts(answer: str, names: Sequence[str]) -> list[str]:
+    """Return what stands between the commas of an answer, but for those within columns' names."""
+    parts: list[str] = []
+    for piece in answer.split(","):
+        whole = f"{parts[-1]},{piece}" if parts else ""
+        if parts and parts[-1] not in names and any(n.startswith(whole) for n in names):
+            parts[-1] = whole
+        else:
+            parts.append(piece)
+    return [part.strip() if part not in names else part for part in parts]
+
+
 def _answered_block(clues: Clues) -> list[str]:
-    """Return the columns from the one to the other of the answer "readings"."""
+    """Return the columns of the answer "readings": from one to another, or in the order in which they are named."""
     answer, names = clues.answers["readings"], clues.table.names
-    first, _, last = answer.partition("..")
-    if first not in names or last not in names:
-        raise OptionError(
-            f"--answer readings={answer}: name the first and the last column, as in {names[0]}..{names[-1]}"
-        )
-    block = list(names[names.index(first) : names.index(last) + 1])
+    block: list[str] = []
+    for part in _parts(answer, names):
+        first, dots, last = part.partition("..")
+        if first not in names or (dots and last not in names):
+            raise OptionError(
+                f"--answer readings={answer}: {part!r} is no column; name the first and the last, as in "
+                f"{names[0]}..{names[-1]}, or all in the strips' order, with commas between them"
+            )
+        block += names[names.index(first) : names.index(last if dots else first) + 1]
     wide = clues.sensor.strips * len(clues.expected) if clues.sensor else len(block)
     if len(block) != wide:
         raise OptionError(
@@ -478,28 +493,32 @@ def _of_block(clues: Clues, block: list[str], known: dict[str, Meaning], which: 
     """Return columns as the readings of the strips in their order, h and l as the readings allow."""
     channels = 1 if which else max(len(clues.expected), 1)
     clues.counted = True
-    said = [line for line in clues.table.preamble if _ORDER_SAID.search(line)]
     strips = len(block) // channels
     answer = clues.choice("strip_order", ("ascending", "descending"))
-    if said and not answer and not _told_order(tuple(said), strips):
-        if _from_first(said, strips):
-            clues.because(f"the first strip's columns stand first, as the log says: {said[0].strip()[:80]!r}")
-        elif _from_last(said, strips):
-            answer = "descending"
-            clues.because(f"the last strip's columns stand first, as the log says: {said[0].strip()[:80]!r}")
-        else:
-            clues.ask(
-                "strip_order",
-                f"a line above the columns, which have no names, says {said[0].strip()[:80]!r}: does the first strip "
-                "stand first (ascending), or the last (descending)?",
-                "ascending",
-                "descending",
-            )
-    order = _order(clues, block, f"{block[0]} to {block[-1]} are two for each strip") if channels == 2 else ""
+    told, line = strips_order_said(clues.table.preamble, strips)
+    if told == "?" and not answer:
+        clues.ask(
+            "strip_order",
+            f"a line above the columns, which have no names, says {line.strip()[:80]!r}: does the first strip stand "
+            "first (ascending), or the last (descending)?",
+            "ascending",
+            "descending",
+        )
+    elif told and not answer:
+        answer = told
+        end = "first" if told == "ascending" else "last"
+        clues.because(f"the {end} strip's columns stand first, as the log says: {line.strip()[:80]!r}")
+    low_first = channels == 2 and order_said(clues.table.preamble) == "lh"
+    order = (
+        _order(clues, block, f"{block[0]} to {block[-1]} are two for each strip", low_first)
+        if channels == 2
+        else ""
+    )
     at = [
         (n, 0) if channels == 1 else divmod(n, 2) if order == "alternating" else (n % strips, n // strips)
         for n in range(len(block))
     ]
+    at = [(strip, 1 - end) for strip, end in at] if low_first else at
     if answer == "descending":
         at = [(strips - 1 - strip, end) for strip, end in at]
     return {
@@ -581,7 +600,11 @@ def _labels(clues: Clues, name: str) -> bool:
 
 def _numeric(clues: Clues, name: str) -> bool:
     fields = [f for f in clues.table.column(name) if not says_nothing(f)]
-    return bool(fields) and all(number_of(f, clues.table.decimal) is not None for f in fields)
+    words = {f for f in fields if number_of(f, clues.table.decimal) is None}
+    numbers = sum(f not in words for f in fields)
+    return (
+        4 * numbers > len(fields) and len(words) < _FEW_WORDS and not any(re.search(r"\d", f) for f in words)
+    )
 
 
 # Channels
@@ -683,7 +706,7 @@ def _numbered(clues: Clues, readings: dict[str, Meaning], numbers: list[int]) ->
     return {name: f"{strip}:{'hl'[end]}" for name, (strip, end) in zip(names, at, strict=True)}
 
 
-def _order(clues: Clues, names: list[str], said: str) -> str:
+def _order(clues: Clues, names: list[str], said: str, low_first: bool = False) -> str:
     """Return in which order columns of h and l stand: that in which k_h is the larger, if only one is."""
     if answer := clues.choice("order", ("alternating", "blocks")):
         return answer
@@ -703,10 +726,14 @@ def _order(clues: Clues, names: list[str], said: str) -> str:
     if below := _noise(table):
         table[table <= below] = 0.0
     half = len(names) // 2
-    if told := _told_order(clues.table.preamble, half):
+    if told := next(filter(None, (told_channels(line, half) for line in clues.table.preamble)), ""):
         clues.because(f"columns are {told}, as the log says above them")
         return told
+    if in_blocks_said(clues.table.preamble):
+        clues.because("columns are blocks, as the log says above them")
+        return "blocks"
     ways = {"alternating": (table[:, 0::2], table[:, 1::2]), "blocks": (table[:, :half], table[:, half:])}
+    ways = {way: (b, a) if low_first else (a, b) for way, (a, b) in ways.items()}
     # Where one channel says that nothing touches, the other does.
     holds = [
         way
@@ -748,53 +775,6 @@ def _noise(table: FloatArray) -> float:
     low = values[values < _REST * values.max(initial=0.0)]
     high = values[len(low) :]
     return float(low[-1]) if len(low) and len(high) and high[0] > _GAP * low[-1] else 0.0
-
-
-def _from_first(said: list[str], strips: int) -> bool:
-    """Return whether a line says that strips stand in their order: its numbers rise from the first strip to the last.
-
-    Examples
-    --------
-    >>> _from_first(["order: strip 0 ... strip 9"], 10), _from_first(["order: strip 0 is last, strip 9 first"], 10)
-    (True, False)
-    """
-    numbers = [int(n) for n in re.findall(r"\d+", said[0])]
-    rise = len(numbers) > 1 and all(b > a for a, b in itertools.pairwise(numbers))
-    worded = _FROM_AN_END.search(said[0])
-    return (
-        len(said) == 1 and rise and not worded and [numbers[0], numbers[-1]] in ([0, strips - 1], [1, strips])
-    )
-
-
-def _from_last(said: list[str], strips: int) -> bool:
-    """Return whether a line says that the last strip's columns stand first, by the numbers of both.
-
-    Examples
-    --------
-    >>> _from_last(["strip 9 first, strip 0 last"], 10), _from_last(["strip 9 is last, strip 0 first"], 10)
-    (True, False)
-    """
-    told = list(re.finditer(r"\b(?:strips?|s|channels?|ch)\s*#?(\d+)", said[0].casefold()))
-    numbers = [int(m[1]) for m in told]
-    if len(said) > 1 or not any(numbers == [strips - 1 + base, base] for base in (0, 1)):
-        return False
-    first, last = (
-        re.search(words, said[0].casefold()) for words in (r"\b(?:first|zuerst)\b", r"\b(?:last|zuletzt)\b")
-    )
-    between = told[1].start()  # else the words say the contrary of the numbers' order
-    return not (first and first.start() > between) and not (last and last.start() < between)
-
-
-def _told_order(preamble: tuple[str, ...], strips: int) -> str:
-    """Return the order of columns that a line above them describes, as "h0..h7 then l0..l7"; "" where none does."""
-    for line in preamble:
-        told = re.findall(r"(?<![A-Za-z])(?:[vku]_?)?([hl])_?\[?(\d+)", line.casefold())
-        ends, numbers = "".join(end for end, _ in told), [int(n) for _, n in told]
-        if re.fullmatch(r"h{2,}l{2,}", ends) and max(numbers) - min(numbers) == strips - 1:
-            return "blocks"
-        if re.fullmatch(r"(?:hl){2,}", ends) and numbers[0] == numbers[1] == numbers[2] - 1:
-            return "alternating"
-    return ""
 
 
 # Tables without names

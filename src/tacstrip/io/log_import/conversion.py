@@ -10,6 +10,8 @@ from collections.abc import Collection
 import numpy as np
 
 from tacstrip.arrays import FloatArray
+from tacstrip.errors import OptionError
+from tacstrip.io.log_import.names import LENGTHS_MM, TIME_UNITS
 from tacstrip.io.log_import.questions import Clues
 from tacstrip.io.log_import.table import Table
 
@@ -41,10 +43,32 @@ _STEP = re.compile(
     re.IGNORECASE,
 )
 _PREFIXES = {"": 1.0, "m": 1e-3, "u": 1e-6, "\u00b5": 1e-6}
+_PLACE = re.compile(  # as "y = U / Uref * L, L = 12 cm"
+    r"=\s*(?:\(?\s*[a-z]\w*\s*/\s*[a-z]\w*\s*\)?\s*[*\u00b7]?\s*L|L\s*[*\u00b7]\s*[a-z]\w*\s*/\s*[a-z]\w*)\b"
+    r"[^=\n]*?\bL\s*=\s*(\d+(?:[.,]\d+)?)\s*(mm|cm|m)\b",
+    re.IGNORECASE,
+)
+_EVERY = re.compile(
+    r"\b(?:every|each|per|alle|jede|toutes les|cada|ogni)\s+(?:(\d+)\s*)?(s|sec\w*|sek\w*|seg\w*|min\w*|h|hours?)\b",
+    re.IGNORECASE,
+)
+_PERIODS = {"s": "s", "m": "min", "h": "h"}
 _NEAR = 0.02  # relative
 _USUAL = (8, 10, 12, 14, 16, 18, 20, 24)  # bits
 _NOISE = 2e-3  # of half of full scale
 _OFTEN, _SELDOM = 0.1, 0.01  # of the readings
+
+
+def repeated_s(table: Table) -> set[float]:
+    """Return the periods in seconds of what the lines above say to come "every 5 minutes"; not of readings for sure.
+
+    Examples
+    --------
+    >>> repeated_s(Table((), [], [], preamble=("logged every 5 minutes",)))
+    {300.0}
+    """
+    found = _EVERY.findall("\n".join(table.preamble))
+    return {float(n or 1) * TIME_UNITS[_PERIODS.get(u[:1].casefold(), "s")] for n, u in found if n != "0"}
 
 
 def factor(clues: Clues) -> float:
@@ -70,6 +94,48 @@ def factor(clues: Clues) -> float:
             "1", *shown,
         )  # fmt: skip
     return 1.0
+
+
+def of_lengths(clues: Clues, columns: list[str]) -> float:
+    """Return by what readings that are places along the strip, U / Vref * L, are multiplied to be over Vref; else 1.
+
+    That a column in centimetres is one, a line says with its formula, or the answer.
+    """
+    units = {unit for name in columns if (unit := length_in(name))}
+    answer = clues.answers.get("unit", "")
+    if answer not in LENGTHS_MM and (answer or len(units) != 1 or any(not length_in(n) for n in columns)):
+        return 1.0
+    unit = answer if answer in LENGTHS_MM else units.pop()
+    length = clues.sensor.length_mm / LENGTHS_MM[unit] if clues.sensor else 0.0
+    told = next((m for line in clues.table.preamble if (m := _PLACE.search(line))), None)
+    said = float(told[1].replace(",", ".")) * LENGTHS_MM[told[2].lower()] / LENGTHS_MM[unit] if told else 0.0
+    if not answer and not (length and abs(said - length) < _NEAR * length):
+        clues.ask(
+            "unit",
+            f"{columns[0]!r} is in {unit}: is it the place along the strip, from the grounded end? (By the spec it is "
+            f"{length:g} {unit} long{f', by the log {said:g}' if said else ''}.) Else in which unit is it",
+            *([unit] if length else []), "V", "mV", "code",
+        )  # fmt: skip
+        return 1.0
+    if not length:
+        raise OptionError(f"--answer unit={unit}: name the SENSOR, whose length tells what that is of Vref")
+    clues.because(
+        f"readings are places along the strip of {length:g} {unit}, so over that they are over Vref"
+    )
+    clues.answers = clues.answers | {"unit": "fraction"}
+    return 1.0 / length
+
+
+def length_in(name: str) -> str:
+    """Return the unit of a length that a column's name says; "" where it says none.
+
+    Examples
+    --------
+    >>> length_in("y_high (cm)"), length_in("h [mm]"), length_in("v_h [mV]")
+    ('cm', 'mm', '')
+    """
+    found = re.search(r"[\[(]\s*(mm|cm|m)\s*[\])]\s*\Z|_(mm|cm)\Z", name)
+    return (found[1] or found[2]) if found else ""
 
 
 def coding(clues: Clues, bits: int) -> str:

@@ -39,16 +39,6 @@ _NAN = re.compile(r"(?<![^\[:, ;])nan\b", re.IGNORECASE)
 _VALUE = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:\s?[A-Za-z%]{1,3})?|nan|n/a|-{1,3}"
 _SLASHED = re.compile(rf"\s*(?:\S+\s*:\s*)?(?:{_VALUE})(?:\s+/\s+(?:{_VALUE}))+\s*", re.IGNORECASE)
 
-_GROUP = re.compile(rf"(?<![\w.])(\d+)\s*:\s*({_VALUE})[\s,/]+({_VALUE})(?=\s*(?:[|;]|\Z))", re.IGNORECASE)
-_GROUPS = re.compile(
-    rf"\s*(?:(?P<time>\d+(?:\.\d+)?\s?(?:[mun]?s)?)\s*[|;]\s*)?"
-    rf"(?P<groups>\d+\s*:\s*(?:{_VALUE})[\s,/]+(?:{_VALUE})(?:\s*[|;]\s*\d+\s*:\s*(?:{_VALUE})[\s,/]+(?:{_VALUE}))+)"
-    r"\s*[|;]?\s*",
-    re.IGNORECASE,
-)
-_HIGH = re.compile(r"\b(?:high|upper|v?_?h)\b", re.IGNORECASE)
-_LOW = re.compile(r"\b(?:low|lower|v?_?l)\b", re.IGNORECASE)
-
 
 def without_ends(lines: Lines) -> tuple[Lines, list[str]]:
     """Return lines without those that end a scan, each scan below a line that numbers it, and doubts.
@@ -206,49 +196,4 @@ def of_slashes(lines: Lines) -> Lines:
                 p if n < first or not p[-1:].isdigit() else f"{p} {unit[1]}" for n, p in enumerate(parts)
             ]
         made.append((i, "\t".join(parts) if len(parts) > 1 else line))
-    return made
-
-
-def of_groups(lines: Lines) -> Lines:
-    r"""Return lines such as "20ms | 0: 2.5V 1.9V | 1: ..." below names, h and l in the order that a comment states.
-
-    Examples
-    --------
-    >>> of_groups([(1, "# high, low"), (2, "5 | 0: 2.5 1.9 | 1: 2.6 1.8"), (3, "6 | 0: 2.5 1.9 | 1: 2.6 1.8")])[1:]
-    [(2, 'time\th0\tl0\th1\tl1'), (2, '5\t2.5\t1.9\t2.6\t1.8'), (3, '6\t2.5\t1.9\t2.6\t1.8')]
-    """
-    found = {i: m for i, line in lines if (m := _GROUPS.fullmatch(line))}
-    numeric = sum(bool(_GROUP.search(line)) for _, line in lines)
-    groups = {i: _GROUP.findall(m["groups"]) for i, m in found.items()}
-    kinds = Counter(tuple(strip for strip, *_ in one) for one in groups.values())
-    if len(found) < 2 or len(found) <= STEADY * numeric or len(kinds) != 1:
-        return lines
-    strips = next(iter(kinds))
-    timed = {bool(m["time"]) for m in found.values()}
-    if len(strips) < 2 or len({*strips}) < len(strips) or len(timed) > 1:
-        return lines
-    said = [line for i, line in lines if i not in found]
-    orders = {
-        "hl" if high.start() < low.start() else "lh"
-        for line in said
-        if (high := _HIGH.search(line)) and (low := _LOW.search(line))
-    }
-    ends = orders.pop() if len(orders) == 1 else "ab"  # which of the two is not known
-    names = [*(["time"] if True in timed else []), *(f"{end}{strip}" for strip in strips for end in ends)]
-    rows = {
-        i: "\t".join(
-            [*([m["time"].strip()] if m["time"] else []), *(v for _, *pair in groups[i] for v in pair)]
-        )
-        for i, m in found.items()
-    }
-    first = min(found)
-    made: Lines = []
-    # Of unknown order, columns without names ask for it, where strips stand in their order.
-    unnamed = ends == "ab" and [int(s) for s in strips] in (
-        [*range(len(strips))],
-        [*range(1, len(strips) + 1)],
-    )
-    for i, line in lines:
-        made += [(i, "\t".join(names))] if i == first and not unnamed else []
-        made.append((i, rows.get(i, line)))
     return made

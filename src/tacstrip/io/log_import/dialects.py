@@ -24,6 +24,7 @@ _FEW = 2  # records
 _TELEPLOT = re.compile(r">([^:|§\d][^:|§]*):(\d+(?:\.\d+)?):([^:;|§]+)(?:§([^|]*))?(?:\|\w*)?")
 _KEYS = r"[^,=\s]+=(?:\"[^\"]*\"|[^,\s\"]+)"
 _INFLUX = re.compile(rf"[^,=\s]+((?:,{_KEYS})*) ({_KEYS}(?:,{_KEYS})*) (\d{{10,19}})")
+_SAMPLE = re.compile(r"(\w+)\{([^{}]*)\} (\S+) (\d{10,19})\Z")  # of Prometheus
 _ITEM = re.compile(r"\s*(?:- )*\s*(?:-|[\w.\"'/ -]+:(?:\s.*)?|- .*|---|\.\.\.|#.*)?")
 _ASSIGNED = re.compile(r"([A-Za-z_][\w.]*)\s*=\s*(\[[^\]]*\]|[^;\n\[]+)\s*'?\s*;?")
 _RANGE = re.compile(r"\(?([^:()]+):([^:()]+)(?::([^:()]+))?\)?(?:\s*\.?([*/])\s*(.+))?")
@@ -41,6 +42,7 @@ _VECTOR = re.compile(r"`?([\w.]+)`?\s*=\s*c\(([^()]*)\)")
 
 _HDF5_SET = re.compile(r'(DATASET|ATTRIBUTE) "([^"]+)" \{((?:[^{}]|\{[^{}]*\})*?)\n?\s*\}')
 _HDF5_DATA = re.compile(r"DATASPACE\s+(?:SCALAR|SIMPLE \{ \(([\d, ]+)\)[^{}]*\})[\s\S]*?DATA \{([^{}]*)\}")
+_SAVED = re.compile(r"(?m)^# name: (\w+)\n# type: (?:complex )?matrix\n((?:# .*\n)+)((?:[^#\n]*\n)+)")
 _ENTRY = r"(?:[-+]?\d[\d.]*(?:[eE][-+]?\d+)?|(?i:nan)|NA)"
 _MATRIX_ROW = rf"[ \t]*{_ENTRY}(?:[ \t]+{_ENTRY})*[ \t]*\n"
 _MATRIX = re.compile(
@@ -54,6 +56,7 @@ def of_dialect(text: str, path: str) -> Table | None:
         _teleplot,
         _influx,
         _hdf5,
+        _octave,
         _matlab,
         _of_r,
         _yaml,
@@ -182,7 +185,7 @@ def _teleplot(text: str, _: str) -> Table | None:
 
 
 def _influx(text: str, _: str) -> Table | None:
-    lines = [(i, line) for i, line in _lines(text) if not line.startswith("#")]
+    lines = [(i, _SAMPLE.sub(_as_influx, line)) for i, line in _lines(text) if not line.startswith("#")]
     found = [(i, m) for i, line in lines if (m := _INFLUX.fullmatch(line))]
     if len(found) < _STEADY * len(lines) or not found:
         return None
@@ -192,6 +195,12 @@ def _influx(text: str, _: str) -> Table | None:
         values = {k: re.sub(r"(?<=\d)[iu]\Z", "", v).strip('"') for k, v in fields.items()}
         entries.append((i, {"time [ns]": _nanoseconds(m[3]), **tags}, values))
     return _with_broken(_merged(entries, "InfluxDB's line protocol"), lines, _INFLUX)
+
+
+def _as_influx(m: re.Match[str]) -> str:
+    """Return a sample of Prometheus in InfluxDB's form."""
+    labels = re.sub(r"\s|,\Z", "", m[2].replace('"', ""))
+    return f"{m[1]}{',' * bool(labels)}{labels} value={m[3]} {m[4]}"
 
 
 def _nanoseconds(stamp: str) -> str:
@@ -227,6 +236,18 @@ def _hdf5(text: str, path: str) -> Table | None:
         else:
             arrays[name] = values.reshape(shape)
     return of_arrays(arrays, path, numbers, "data sets as h5dump prints them") if arrays else None
+
+
+def _octave(text: str, path: str) -> Table | None:
+    """Return what Octave saves as text: names, sizes, and the numbers below them."""
+    arrays: dict[str, npt.NDArray[Any]] = {}
+    for name, size, body in _SAVED.findall(text):
+        values = _vector(body.split())
+        shape = [int(n) for n in re.findall(r"(?:rows|columns): (\d+)", size)]
+        if values is None or len(values) != int(np.prod(shape)):
+            raise ReadingError(f"{path}: {name} is said to be of {shape} numbers, and is not: is it cut?")
+        arrays[name] = values.reshape(shape).squeeze()
+    return of_arrays(arrays, path, {}, "matrices as Octave saves them") if arrays else None
 
 
 # YAML

@@ -51,7 +51,7 @@ def raise_doubts(clues: Clues, mapping: ColumnMapping) -> None:
     if "unit" not in clues.answers:
         noise = "untouched" in {*clues.answers, *(q.key for q in clues.questions)}  # small ones may be that
         _of_one_unit(clues, mapping, only_lost=noise)
-        _of_known_units(mapping)
+        _of_known_units(clues, mapping)
     _written_alike(clues, mapping)
     _vref(clues)
     _attenuated(clues)
@@ -208,8 +208,10 @@ def _places(text: str, decimal: str) -> int:
     return len(re.match(r"\d*", text.partition(decimal)[2]).group())  # type: ignore[union-attr]
 
 
-def _of_known_units(mapping: ColumnMapping) -> None:
+def _of_known_units(clues: Clues, mapping: ColumnMapping) -> None:
     """Refuse columns that name a unit, or a factor, which is not known for readings."""
+    if "unit" in {q.key for q in clues.questions}:  # of lengths, that is asked
+        return
     said = {name: unknown_unit(name) for name in mapping.columns}
     strange = [name for name in said if said[name]]
     if (

@@ -15,7 +15,9 @@ from tacstrip.io.log_import.names import UNITS
 NOTHING = frozenset(
     {"", "nan", "na", "n/a", "n.a.", "#n/a", "<na>", "nat", "-", "--", "---", "null", "none", "nil", "open"}
     | {"untouched", ".", "x", "off", "idle", "free", "frei", "s/d", "s.d.", "k.a.", "n.d."}
-    | {"released", "not touched", "no touch", "unber\u00fchrt"}
+    | {"released", "not touched", "no touch", "unber\u00fchrt", "kein kontakt", "ohne kontakt", "nicht ber\u00fchrt"}
+    | {"sans contact", "pas de contact", "non touch\u00e9", "ouvert", "libre", "sin contacto", "abierto", "sem contato"}
+    | {"aberto", "livre", "senza contatto", "aperto", "libero", "geen contact", "no signal", "vac\u00edo", "vazio"}
     | {"-nan", "nc", "n.c.", "n.v.", "no contact", "[]", "{}", "offen", "leer", "vide", "\u2013", "\u2014"}
 )  # fmt: skip
 _NO_NUMBER = re.compile(r"(?:-?nan|n/?a|-[-.]*|\.nan)\s?(?:m?V|ms|s|%|LSB)?", re.IGNORECASE)
@@ -39,6 +41,10 @@ STAMP = rf"(?:{_DATE}(?:[T_]|,? +))?{_OF_DAY}{_ZONE}"  # a date, if any, and a t
 _CLOCK = re.compile(rf"(?:{_DATE}[T ,_]+)?{_OF_DAY}{_ZONE}")
 _COMPACT = re.compile(r"(\d{4})(\d\d)(\d\d)[T_ -](\d\d)(\d\d)(\d\d(?:\.\d+)?)")
 _MINUTES = re.compile(r"(\d{1,3}):(\d\d(?:[.,]\d+)?)")
+_HALF = r"\s*[AaPp]\.?[Mm]\.?"
+_WITHOUT_SECONDS = re.compile(
+    rf"(?:{_DATE}[T ,_]+\d{{1,2}}:\d\d(?=(?:{_HALF})?(?:{_ZONE})\Z)|\d{{1,2}}:\d\d(?={_HALF}\Z))"
+)
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 
 
@@ -160,8 +166,10 @@ def clock_seconds(text: str, day_first: bool = False) -> float | None:
     --------
     >>> clock_seconds("3:04:05,5 PM"), clock_seconds("01:02.5"), clock_seconds("2.5")
     (54245.5, 62.5, None)
+    >>> clock_seconds("2026-03-14 14:05") % 86400.0, clock_seconds("2:05 PM")
+    (50700.0, 50700.0)
     """
-    text = text.strip()
+    text = _WITHOUT_SECONDS.sub(r"\g<0>:00", text.strip(), count=1)
     if found := _MINUTES.fullmatch(text):
         return int(found[1]) * 60.0 + float(found[2].replace(",", "."))
     if found := _COMPACT.fullmatch(text):
@@ -208,6 +216,11 @@ def clock_times(texts: list[str]) -> list[float | None]:
         for way in ways
     ]
     return ways[far[1] < far[0]]
+
+
+def is_of_two(text: str) -> bool:
+    """Return whether a field is of two whole numbers and a colon, as 14:05: hours and minutes, or minutes and s."""
+    return re.fullmatch(r"\d{1,3}:[0-5]\d", text.strip()) is not None
 
 
 def is_date(text: str) -> bool:

@@ -19,20 +19,16 @@ from tacstrip.io.log_import.doubts import raise_doubts
 from tacstrip.io.log_import.fields import is_garbled
 from tacstrip.io.log_import.mapping import ColumnMapping
 from tacstrip.io.log_import.names import meaning, meanings
-from tacstrip.io.log_import.questions import KEYS, Clues, Unanswered
+from tacstrip.io.log_import.questions import KEYS, Clues, Question, Unanswered
 from tacstrip.io.log_import.scans import LogScan, scans, strip_numbers
+from tacstrip.io.log_import.statements import base_said
 from tacstrip.io.log_import.table import Table
 from tacstrip.io.log_import.write import at_rest
 from tacstrip.sensor.spec import Sensor
 
 Read = TypeVar("Read")
-# As "strips are numbered 1 to 10", "strip numbers from 0", "1-based", "first strip is 1".
-_BASE_TOLD = re.compile(
-    r"\bstrips?\b[^\d\n]{0,30}?\b(?:from|numbered|counted|count|are|ab|von)\b[^\d\n]{0,12}?\b([01])\b"
-    r"|\b([01])[ -](?:based|indexed)\b|\bfirst strip\b[^\d\n]{0,20}?\b([01])\b|\bstrips ([01]) ?(?:to|-|\.\.+|bis) ?\d",
-    re.IGNORECASE,
-)
 _TOUCH = re.compile(r"touch|contact|press|active|ber(?:\u00fc|ue)hrt", re.IGNORECASE)
+_ROUNDS = 4  # of questions that others open
 _SHOWN, _LONG = 3, 72  # broken lines, and characters of each, that are quoted
 _FEW_BROKEN, _MOST_BROKEN = 2, 1.0 / 3.0  # lines, and part of the lines: of more, the log is of another form
 _MOST_COMPLETE = 0.5  # of the scans: if more have all strips, lines are lost where others have not
@@ -120,9 +116,10 @@ def _proposed(
     try:
         mapping, _ = assembled(clues)
         clues.stop()
-    except Unanswered as error:
+    except Unanswered as asked:
+        error = Unanswered(*asked.questions, *_later(asked.questions, table, sensor, answers, stated))
         if not (strange := next((n for n in table.names if is_garbled(n)), "")):
-            raise
+            raise error from None
         first, *others = error.questions
         text = f"{strange!r} looks garbled: if the log is no UTF-8, save it as that first; else: {first.text}"
         raise Unanswered(replace(first, text=text), *others) from None
@@ -134,6 +131,52 @@ def _proposed(
         tuple(clues.reasons),
         (*clues.doubts, *left_out(table, dropped)),
     )
+
+
+def _later(
+    questions: tuple[Question, ...], table: Table, sensor: Sensor | None, answers: dict[str, str],
+    stated: frozenset[str] | None,
+) -> list[Question]:  # fmt: skip
+    """Return what will be asked whatever is answered, so that one round is enough."""
+    first = _asked_next(questions, 0, table, sensor, answers, stated)
+    last = {q.key for q in _asked_next(questions, -1, table, sensor, answers, stated)} if first else set()
+    return [q for q in first if q.key in last]
+
+
+def _asked_next(
+    questions: tuple[Question, ...], pick: int, table: Table, sensor: Sensor | None, answers: dict[str, str],
+    stated: frozenset[str] | None,
+) -> list[Question]:  # fmt: skip
+    later: list[Question] = []
+    asked, known = questions, {*answers}
+    for _ in range(_ROUNDS):
+        if any(not q.choices or q.key in known for q in asked):
+            break
+        known |= {q.key for q in asked}
+        answers = answers | _picked(asked, pick)
+        clues = Clues(table, sensor, answers, stated=stated)
+        try:
+            assembled(clues)
+            clues.stop()
+            break
+        except Unanswered as error:
+            asked = tuple(q for q in error.questions if q.key not in known)
+            later += [replace(q, text=f"then: {q.text}") for q in asked]
+            if not asked:
+                break
+        except (ReadingError, OptionError):
+            break
+    return later
+
+
+def _picked(questions: tuple[Question, ...], pick: int) -> dict[str, str]:
+    """Return answers by the first choices or the last; of columns one for each channel, as none is of two."""
+    columns = [q for q in questions if q.key not in KEYS]
+    taken = {}
+    for n, q in enumerate(columns):
+        choices = q.choices if pick == 0 else (*q.choices[1::-1], *q.choices[2:])
+        taken[q.key] = choices[min(n, len(choices) - 1)]
+    return {q.key: q.choices[pick] for q in questions} | taken
 
 
 def left_out(table: Table, dropped: list[int]) -> list[str]:
@@ -184,7 +227,9 @@ def _assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
         raise Unanswered(*clues.questions) from None
     mapping, rough = _rough(clues, found)
     mapping = quantities.settled_time(clues, mapping, rough)
-    mapping = replace(mapping, scale=conversion.factor(clues))
+    mapping = replace(
+        mapping, scale=conversion.factor(clues) * conversion.of_lengths(clues, [*mapping.columns])
+    )
     mapping = replace(mapping, untouched=(*mapping.untouched, *quantities.numbers_for_nothing(clues, rough)))
     loose = replace(mapping, time_unit=mapping.time_unit or "s", restart="continue", missing="untouched")
     rough = scans(clues.table, loose)
@@ -308,15 +353,8 @@ def _strips(clues: Clues, found: Columns) -> tuple[int, int]:
             base = low
         elif len(fits) == 1:
             base = fits[0]
-        elif (
-            len(
-                told := {
-                    int(b) for b in itertools.chain(*_BASE_TOLD.findall("\n".join(clues.table.preamble))) if b
-                }
-            )
-            == 1
-        ):
-            base = said = told.pop()
+        elif (told := base_said(clues.table.preamble)) is not None:
+            base = said = told
             clues.because(f"strips are numbered from {base}, as the log says above them")
         elif clues.sensor and "strip_base" in (clues.stated or ()) and 0 < clues.sensor.strip_base <= low:
             base = clues.sensor.strip_base  # which nobody writes unless it is so; 0 is what `init` writes

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from tacstrip.errors import OptionError, one_of
 from tacstrip.files import read_text, write_text
-from tacstrip.io.log_import.names import CHANNELS, READING_UNITS, TIME_UNITS
+from tacstrip.io.log_import.names import CHANNELS, CLOCKS, READING_UNITS, TIME_UNITS
 
 RESTARTS = ("error", "continue", "first", "last")
 _KINDS: dict[str, type | tuple[type, ...]] = {
@@ -29,7 +29,8 @@ class ColumnMapping:
     unit
         Of the readings: "V", "mV", "uV", "code", "fraction", "percent" or "permille" (of Vref).
     time, time_unit, rate_hz
-        Column of the time and its unit ("clock" for times of day and dates), or scans per second where there is none.
+        Column of the time and its unit ("clock" for times of day and dates, "hh:mm" or "mm:ss" for 14:05), or scans
+        per second where there is none.
     scan, strip, which
         Columns of the scan's number, the strip's, and of the channel's name where a line holds readings of one of them.
     strip_base
@@ -138,7 +139,7 @@ class ColumnMapping:
     def check(self, place: str) -> None:
         """Raise `OptionError` where it contradicts itself."""
         for name, value, known in (
-            ("unit", self.unit, READING_UNITS), ("time_unit", self.time_unit, (*TIME_UNITS, "clock")),
+            ("unit", self.unit, READING_UNITS), ("time_unit", self.time_unit, (*TIME_UNITS, *CLOCKS)),
             ("missing", self.missing, ("untouched", "error")), ("broken_lines", self.broken_lines, ("skip", "error")),
             ("restart", self.restart, RESTARTS),
         ):  # fmt: skip

@@ -16,8 +16,10 @@ def _words(text: str) -> frozenset[str]:
 
 
 _QUANTITY = ("", "v", "u", "k", "code", "adc", "raw", "val", "volt", "s", "sig")
-_HIGH = _words("high hoch haut haute alto alta") | {q + e for q in _QUANTITY for e in ("h", "hi", "high")}
-_LOW = _words("low tief niedrig bas basse bassa basso bajo baja") | {
+_HIGH = _words("high hoch haut haute alto alta hoog wysoki wysokie y\u00fcksek yuksek") | {
+    q + e for q in _QUANTITY for e in ("h", "hi", "high")
+}
+_LOW = _words("low tief niedrig bas basse bassa basso bajo baja baixo baixa laag niski niskie dusuk") | {
     q + e for q in _QUANTITY for e in ("l", "lo", "low")
 }
 _OUT = _words("out vout uout codeout")
@@ -25,7 +27,11 @@ _OUT = _words("out vout uout codeout")
 _PAIRS = (
     ("a", "b"), ("top", "bottom"), ("upper", "lower"), ("oben", "unten"), ("left", "right"), ("end", "start"),
     ("first", "second"), ("x", "y"), ("p", "q"), ("e1", "e2"), ("up", "down"), ("far", "near"), ("links", "rechts"),
-    ("o", "u"), ("plus", "minus"),
+    ("o", "u"), ("plus", "minus"), ("sup", "inf"), ("superior", "inferior"), ("superieur", "inferieur"),
+    ("superieure", "inferieure"), ("superiore", "inferiore"), ("arriba", "abajo"), ("sopra", "sotto"),
+    ("obere", "untere"), ("oberes", "unteres"), ("boven", "onder"), ("gora", "dol"), ("horni", "dolni"),
+    ("gauche", "droite"), ("izquierda", "derecha"), ("sinistra", "destra"), ("esquerda", "direita"),
+    ("anfang", "ende"), ("debut", "fin"), ("inicio", "fin"), ("inicio", "fim"),
 )  # fmt: skip
 _ONE_OF_PAIR = frozenset(name for pair in _PAIRS for name in pair)
 _VOLTS = _words("v u voltage volt volts spannung tension tensione tensiune vout uout voltaje") | {
@@ -33,24 +39,27 @@ _VOLTS = _words("v u voltage volt volts spannung tension tensione tensiune vout 
 }
 _VALUE = _VOLTS | _words(
     "value val reading readings wert messwert signal output level ain ai an analog in k data kanal ratio adc raw code "
-    "codes count counts valeur valore valor lesung read measured meas y amplitude"
+    "codes count counts valeur valore valor lesung read measured meas y amplitude waarde wartosc tensao spanning "
+    "napiecie lecture lectura leitura lettura mesure medida meting pomiar misura signal senal sinal segnale"
 )
 _STRIP = _words(
     "strip strips stripe streifen ch channel kanal sensor taxel line element row track bande band electrode s "
-    "col column pin tira striscia fascia stripid stripno sid lane zone chan strap elektrode canal canale"
+    "col column pin tira striscia fascia stripid stripno sid lane zone chan strap elektrode canal canale fita faixa "
+    "banda strook pasek pasmo remsa listra pista kanaal serit bana kanava banden ruban strisce tiras fitas"
 )
 _TIME = _words(
     "t time times zeit zeitstempel tempo heure hora ora timestamp millis micros elapsed seconds sec secs uhrzeit "
     "datetime date datum temps tiempo clock stamp ts timems timeus ms us msec msecs usec usecs nsecs tick tijd tid "
-    "czas unix epoch utc"
+    "czas unix epoch utc cas zaman instante horodatage zeitpunkt messzeit laufzeit moment aika tijdstip tiempos"
 )
 _SCAN = _words(
     "scan frame sample samples n nr no index idx i messung cycle seq sequence scanno messnr count sweep id frameno "
-    "scanid unnamed mesure muestra probe run record packet loop iteration step round pass"
+    "scanid unnamed mesure muestra probe run record packet loop iteration step round pass amostra varredura campione "
+    "scansione barrido balayage trame durchlauf pomiar meting"
 )
 _WHICH = _words(
     "signature kind end type which side seite level measurement meas signal phase channel ch output mux sel "
-    "select layer bank"
+    "select layer bank sens richtung sentido verso"
 )
 _BESIDE = _words(
     "no nr number nummer num id idx index nummero numero"
@@ -82,7 +91,8 @@ OTHER_SCRIPT = re.compile("|".join(sorted(_TRANSLATED, key=len, reverse=True)))
 UNITS = {
     word: unit
     for unit, alike in {
-        "s": "s sec secs seconds second sekunden sekunde", "ms": "ms msec msecs millis milliseconds",
+        "s": "s sec secs seconds second sekunden sekunde seg segundos secondes secondi seconden sek",
+        "ms": "ms msec msecs millis milliseconds",
         "us": "us µs usec usecs micros microseconds",
         "min": "min minutes", "ns": "ns nsec nsecs nanoseconds", "V": "v volt volts vdc dcv",
         "mV": "mv millivolt millivolts mvdc",
@@ -111,6 +121,7 @@ _LAST = frozenset(UNITS) - {
 _ANY = _HIGH | _LOW | _OUT | _ONE_OF_PAIR | _VALUE | _STRIP | _BESIDE | frozenset(UNITS)
 _KNOWN = _ANY | _TIME | _SCAN | _WHICH
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "days": 86400.0}
+CLOCKS = ("clock", "hh:mm", "mm:ss")  # of times of day and dates; of 14:05, which of both it is
 READING_UNITS = ("V", "mV", "uV", "code", "fraction", "percent", "permille", "cV", "dV")
 CHANNELS = ("h", "l", "out")
 _LONG_TIMES = {
@@ -352,7 +363,7 @@ def _of_tokens(tokens: list[str], unit: str) -> Meaning:
             return Meaning("time", unit=unit if unit in TIME_UNITS else long)
         if core and all(w in _STRIP for w in core) and core != ["line"]:
             return Meaning("strip")
-        if core and all(w in _SCAN for w in core):
+        if core and all(w in _SCAN for w in core) and unit not in READING_UNITS:
             return Meaning("scan")
     volts = bool(named & _VOLTS)
     read = Meaning("reading", unit=unit if unit in READING_UNITS else "", volts=volts)
@@ -362,7 +373,8 @@ def _of_tokens(tokens: list[str], unit: str) -> Meaning:
         told = [UNITS[w] for w in words if w in UNITS and UNITS[w] in READING_UNITS and w not in ("v",)]
         read = replace(read, unit="fraction" if named & {"k", "kh", "kl"} else (told or [""])[0])
     if len(numbers) > 1 or not words or not named <= _ANY:
-        return Meaning("which") if named & _WHICH and not numbers else Meaning("")
+        role = "which" if named & _WHICH and not numbers else ""
+        return Meaning(role, unit=read.unit if unit else "")  # a unit that stands apart says what is held
     strip = numbers[0] if numbers else None
     ends = ["h"] * bool(named & _HIGH) + ["l"] * bool(named & _LOW) + ["out"] * bool(named & _OUT)
     if len(ends) == 1:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections import Counter
 from dataclasses import replace
@@ -12,10 +13,12 @@ from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.errors import OptionError, ReadingError
 from tacstrip.io.log_import import conversion
 from tacstrip.io.log_import.columns import CLOCK_BITS, Columns
-from tacstrip.io.log_import.fields import clock_seconds, number_of, says_nothing
+from tacstrip.io.log_import.fields import clock_seconds, is_date, is_of_two, number_of, says_nothing
 from tacstrip.io.log_import.mapping import RESTARTS, ColumnMapping
 from tacstrip.io.log_import.names import (
+    CLOCKS,
     IN_VOLTS,
+    LENGTHS_MM,
     OF_VREF,
     READING_UNITS,
     TIME_UNITS,
@@ -25,10 +28,11 @@ from tacstrip.io.log_import.names import (
 )
 from tacstrip.io.log_import.questions import Clues
 from tacstrip.io.log_import.scans import LogScan, raw_times
+from tacstrip.io.log_import.statements import untouched_said
 from tacstrip.io.log_import.table import CLOCK, ROW
 
 _RATES_HZ = (0.12, 5000.0)  # scans per second that a log may have
-_POSSIBLE_S = (2e-5, 3600.0)  # from scan to scan
+_POSSIBLE_S = (1.5e-4, 3600.0)  # from scan to scan
 _SENTINELS = (999.0, 9999.0, 99999.0, 32767.0, 65535.0, 99.9, 99.99, 999.9, 999.99)
 _NEAR_0 = 0.01  # of the largest reading; and of the most that there can be
 _REST = 0.05  # of the largest reading: the most that the noise of open inputs reaches
@@ -70,7 +74,16 @@ _UNIT_TOLD = re.compile(
     r"|to Vref|of Vref|over Vref|/ ?Vref)(?!\w)|\b(counts|codes|LSBs?)\b",
     re.IGNORECASE,
 )
+_OF_OTHERS = re.compile(r"batter|supply|vbat|temp|v_?ref|aref|vcc|vdd|\btime\b|\bbaud\b", re.IGNORECASE)
 _OVER_VREF = re.compile(r"=\s*\w+\s*\.?/\s*V_?ref\b", re.IGNORECASE)  # as in "Vh = raw/Vref"
+_HOURS_SAID = re.compile(
+    r"\bh{1,2}[ :.]?m{1,2}\b(?![ :.]?s)|\btimes? of day\b|\buhrzeit\b|\bhours? ?(?:and|:) ?min", re.IGNORECASE
+)
+_MINUTES_SAID = re.compile(
+    r"(?<![hH][:.])\bm{1,2}[ :.]s{1,2}\b|\bmin\w* ?(?:and|:) ?s(?:ec\w*)?\b|\bstop ?watch\b", re.IGNORECASE
+)
+_OF_DAY_SAID = re.compile(r"\b(?:hora|heure|ora|uhr|godzina|klokken)\b", re.IGNORECASE)
+_LAST_HOUR = 23
 # As National Instruments' programs write it, in seconds.
 _INCREMENT = re.compile(
     r"(?:^X_Dimension[\t;,]Time\b[\s\S]*?^Delta_X|^wf_increment)[\t;,]\s*([\d.,]+(?:E[+-]?\d+)?)",
@@ -91,7 +104,7 @@ def with_time(clues: Clues, mapping: ColumnMapping, found: Columns) -> ColumnMap
     if not found.time:
         return mapping
     clues.choice("restart", RESTARTS)
-    unit = clues.choice("time_unit", (*TIME_UNITS, "clock")) or _unit_of_name(clues, found)
+    unit = clues.choice("time_unit", (*TIME_UNITS, *CLOCKS)) or _unit_of_name(clues, found)
     mapping = replace(mapping, time_unit=unit or "s")
     times = raw_times(clues.table, mapping)
     if not unit and (since := [u for u, s in _EPOCHS.items() if s <= abs(times[0]) <= 2.2 * s]):
@@ -101,7 +114,7 @@ def with_time(clues: Clues, mapping: ColumnMapping, found: Columns) -> ColumnMap
     mapping = replace(mapping, time_unit=unit)
     return (
         mapping
-        if unit == "clock"
+        if unit in CLOCKS
         else replace(mapping, time_bits=_clock_bits(clues, found.time, times, steps))
     )
 
@@ -110,9 +123,38 @@ def _unit_of_name(clues: Clues, found: Columns) -> str:
     first = clues.table.column(found.time)[0]
     if number_of(first, clues.table.decimal) is None and clock_seconds(first) is not None:
         clues.because(f"{found.time}: times of day or dates, such as {first}")
-        return "clock"
+        return _of_two_parts(clues, found.time)
     unit = found.meanings[found.time].unit
     return unit if unit in TIME_UNITS else ""
+
+
+def _of_two_parts(clues: Clues, name: str) -> str:
+    """Return whether times such as 14:05 are hours and minutes or minutes and seconds; "clock" for all others."""
+    fields = clues.table.column(name)
+    if not all(map(is_of_two, fields)):
+        return "clock"
+    above = "\n".join((name, *clues.table.preamble))
+    ways = {"hh:mm": bool(_HOURS_SAID.search(above)), "mm:ss": bool(_MINUTES_SAID.search(above))}
+    first = [int(f.partition(":")[0]) for f in fields]
+    of_day = _OF_DAY_SAID.search(name) and any(fields[0].strip("0:"))
+    dated = any(all(map(is_date, clues.table.column(n))) for n in clues.table.names)
+    midnight = any((a, b) == (23, 0) for a, b in itertools.pairwise(first))
+    ways["hh:mm"] |= bool(of_day or dated or midnight)
+    ways["mm:ss"] |= max(first) > _LAST_HOUR
+    times = [clock_seconds(f) or 0.0 for f in fields]
+    steps = [b - a for a, b in itertools.pairwise(times) if b > a]
+    for period in {1.0 / rate for rate in _rates_above(clues)} | conversion.repeated_s(clues.table):
+        for way, unit in (("hh:mm", 60.0), ("mm:ss", 1.0)) if steps else ():
+            ways[way] |= _is_rate(unit * float(np.median(steps)), 1.0 / period)
+    said = [way for way, so in ways.items() if so]
+    if len(said) == 1:
+        clues.because(f"{name}: {fields[-1]} is {said[0]}, as the log says")
+        return said[0]
+    clues.ask(
+        "time_unit", f"{name}: is {fields[-1]} hours and minutes (hh:mm), or minutes and seconds (mm:ss)?",
+        "hh:mm", "mm:ss",
+    )  # fmt: skip
+    return "mm:ss"
 
 
 def _clock_bits(clues: Clues, name: str, times: FloatArray, steps: FloatArray) -> int:
@@ -304,6 +346,8 @@ def words_for_nothing(clues: Clues, found: Columns) -> tuple[str, ...]:
                         f"'{name}=skip' if the column holds no readings"
                     )
                 said = {t for n in found.readings for t in table.column(n) if _is_word(t, table.decimal)}
+                if said <= {*untouched_said(clues.table.preamble)}:
+                    return tuple(sorted(said))
                 if any(c.isdigit() or _ALARM.search(t) for t in said for c in t):
                     clues.ask(
                         "untouched",
@@ -320,6 +364,9 @@ def settle_words(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
         return
     values = np.stack([s.values for s in rough])  # (scans, strips, channels)
     word = ", ".join(mapping.untouched)
+    if {*mapping.untouched} <= {*untouched_said(clues.table.preamble)}:
+        clues.because(f"{word}: no contact, as the log says")
+        return
     idle = np.isnan(values)
     if values.shape[2] == 2 and (idle[:, :, 0] == idle[:, :, 1]).all() and idle.mean() > _MANY:
         clues.because(f"{word}: no contact, for both channels of a strip have it at once, and none alone")
@@ -359,6 +406,10 @@ def numbers_for_nothing(clues: Clues, rough: list[LogScan]) -> tuple[str, ...]:
     values = np.stack([s.values for s in rough])  # (scans, strips, channels)
     numbers = Counter(values[np.isfinite(values)].tolist())
     found: list[str] = []
+    said = [s for s in untouched_said(clues.table.preamble) if number_of(s) in numbers]
+    if said:
+        clues.because(f"{', '.join(said)}: no contact, as the log says")
+        return tuple(f"{number_of(s):g}" for s in said)
     negative = [v for v in numbers if v < 0.0]
     nines = len(negative) == 1 and re.fullmatch(r"-9+\.9+", f"{negative[0]:g}")
     if len(negative) == 1 and negative[0] <= -1.0 and (negative[0] % 1.0 == 0.0 or nines):
@@ -443,7 +494,7 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
     sensor = clues.sensor
     values = np.concatenate([s.values.ravel() for s in rough])
     values = values[np.isfinite(values)]
-    answer = clues.choice("unit", READING_UNITS)
+    answer = clues.choice("unit", (*READING_UNITS, *LENGTHS_MM))
     vref = clues.number("vref_volt") or (sensor.vref_volt if sensor else 0.0)
     bits = _stated_bits(clues)
     scale = mapping.scale
@@ -508,7 +559,7 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
             "5",
             "3.3",
         )
-    top = (_most(vref / scale) | {"code": 2.0**bits - 1.0}).get(unit, 0.0)
+    top = (_most(vref, scale) | {"code": 2.0**bits - 1.0}).get(unit, 0.0)
     if unit in IN_VOLTS and sensor and not open_unit and "vref_volt" not in clues.answers:
         over = values > (1.0 + _OFF_VREF) * top
         if over.sum() > _FEW_OVER and over.mean() > _MANY and values.max() <= _MOST_OVER * top and not answer:
@@ -667,7 +718,9 @@ def _by_size(clues: Clues, values: FloatArray, vref: float, bits: int, volts: bo
         clues.because(f"readings are in {steps}: all lie on the steps of {bits} bits, which is no chance")
         return steps
     if len(likely) > 1:
-        said = {w.casefold() for w in _UNIT_TOLD.findall("\n".join(clues.table.preamble)) for w in w if w}
+        clauses = re.split(r"[,;\n]", "\n".join(clues.table.preamble))
+        clauses = [clause for clause in clauses if not _OF_OTHERS.search(clause)]
+        said = {w.casefold() for w in _UNIT_TOLD.findall("\n".join(clauses)) for w in w if w}
         named = {"fraction" if w.endswith("vref") else UNITS.get(w, "") for w in said}
         named |= {"fraction"} if any(map(_OVER_VREF.search, clues.table.preamble)) else set()
         if len(named) == 1 and named <= set(likely):
@@ -688,9 +741,10 @@ def _by_size(clues: Clues, values: FloatArray, vref: float, bits: int, volts: bo
     return likely[0] if likely else "V"
 
 
-def _most(vref: float) -> dict[str, float]:
-    """Return the most that there can be in each unit but codes."""
-    return {u: vref / scale for u, scale in IN_VOLTS.items()} | {u: 1.0 / s for u, s in OF_VREF.items()}
+def _most(vref: float, scale: float = 1.0) -> dict[str, float]:
+    """Return the most that there can be in each unit but codes, of readings that are to be multiplied by `scale`."""
+    most = {u: vref / volts for u, volts in IN_VOLTS.items()} | {u: 1.0 / part for u, part in OF_VREF.items()}
+    return {u: value / scale for u, value in most.items()}
 
 
 def _off_steps(values: FloatArray, vref: float, bits: int) -> bool:

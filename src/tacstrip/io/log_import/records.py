@@ -26,7 +26,11 @@ _OF_DAY = re.compile(r"(?:[\d-]+[ T])?\d{1,2}:\d\d:\d\d(?:[.,]\d+)?")
 _EPOCH = re.compile(r"1\d{9}(?:\.\d+|\d{3}|\d{6}|\d{9})?")  # since 1970
 _ENDED = re.compile(r"\s*(?:[,;|/)]|\Z|\S*[A-Za-z]\S*\s*[:=])")  # behind a value: a mark, or the next name
 _STRIP_NAMED = re.compile(r"(\D*?)(\d+)(.*)\Z")  # a name with a strip's number in it
-_STRIP_THEN_NAME = re.compile(r"\b([A-Za-z]+\d+):\s*(?=[A-Za-z]\w*\s*[=:])")  # as "S0:" in "S0:H=512 L=300"
+_STRIP_THEN_NAME = re.compile(
+    r"\b([A-Za-z]+\d+):\s*(?=[A-Za-z]\w*(?:\s*[=:]|\s+[-+\d.]))"
+)  # as "S0:" in "S0:H=512 L=300"
+_CALLED = re.compile(r"\A\s*[A-Za-z_]\w*\((.*=.*)\)\s*\Z")  # as a record that a program prints
+_END_WORDS = frozenset({"end", "side", "ende", "seite", "edge"})  # behind the word that says which
 _SAMPLE = 200  # lines that tell whether all are of a kind
 _UNIT = "|".join(sorted((re.escape(u) for u in UNITS if len(u) < 8), key=len, reverse=True))
 _FOREIGN = re.compile(  # a unit that is none of readings, behind a value
@@ -68,7 +72,7 @@ def items(line: str) -> list[Item]:
     """
     if dressed := re.match(r"\s*[*#=~_<>-]{2,}\s*(?=\w)", line):  # as in "--- scan 3 ---"
         line = re.sub(r"[\s*#=~_<>-]+$", "", line[dressed.end() :])
-    line = re.sub(r"\s*:\s*$", "", line)
+    line = re.sub(r"\s*:\s*$", "", _CALLED.sub(r"\1", line))
     line = _STRIP_THEN_NAME.sub(lambda m: f"{m[1]} " if _is_strip(m[1]) else m[0], line)
     line = re.sub(r"\b\w+=\"[^\"]*[A-Za-z][^\"]*\"", "", line)  # a text
     line = _FOREIGN.sub(r"\1 [\3]\2", line)
@@ -131,7 +135,8 @@ def items(line: str) -> list[Item]:
                 timed = "time" if _WITH_TIME.search(text) and len(words[-1]) < 4 else ""  # as in "at 20 ms"
                 if _is_strip(words[-1]) and not timed:  # as in "S1 512/300"
                     found.append(Item("strip", (str(last_word.strip),), told=False))
-                close(words[-1] if implied else timed, told=False)
+                ends = len(words) > 1 and words[-1].casefold() in _END_WORDS and meaning(words[-2]).channel
+                close(" ".join(words[-2:]) if ends else words[-1] if implied else timed, told=False)
             elif not open_name:
                 behind = bool(found) and meaning(found[-1].name).role in _LABELS  # as in "Scan 3 @ 12:00:01"
                 is_time = _WITH_TIME.search(text) or (behind and _OF_DAY.fullmatch(text))
@@ -515,6 +520,7 @@ def _rows_of(value: Any) -> list[Any]:
     """Return a JSON value as records: itself, the list in it, or its columns turned."""
     if isinstance(value, list):
         return value
+    value = _with_names(value) if isinstance(value, dict) else value
     lists = {k: v for k, v in value.items() if isinstance(v, list)} if isinstance(value, dict) else {}
     tables = [v for v in lists.values() if v and all(isinstance(r, dict) for r in v)]
     if len(tables) == 1 and len(lists) == 1 and len(tables[0]) > 1:
@@ -536,8 +542,29 @@ def _rows_of(value: Any) -> list[Any]:
     return [value]
 
 
+def _with_names(record: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a record with records in place of lists of as many values as a list of names beside them has.
+
+    Examples
+    --------
+    >>> _with_names({"columns": ["strip", "h"], "data": [[0, 2.5], [1, 2.4]]})
+    {'entry': [{'strip': 0, 'h': 2.5}, {'strip': 1, 'h': 2.4}]}
+    """
+    lists = {k: v for k, v in record.items() if isinstance(v, list) and v}
+    named = [k for k, v in lists.items() if len(v) > 1 and all(isinstance(name, str) for name in v)]
+    rows = [
+        k for k, v in lists.items()
+        if len(named) == 1 and all(isinstance(row, list) and len(row) == len(lists[named[0]]) for row in v)
+    ]  # fmt: skip
+    if len(named) != 1 or len(rows) != 1 or len({*lists[named[0]]}) < len(lists[named[0]]):
+        return dict(record)
+    others = {k: v for k, v in record.items() if k not in (named[0], rows[0])}
+    return others | {"entry": [dict(zip(lists[named[0]], row, strict=True)) for row in lists[rows[0]]]}
+
+
 def _exploded(record: Mapping[str, Any]) -> list[dict[str, str]]:
     """Return a record as rows: one, or one for each element of the only list of records that is in it."""
+    record = _with_names(record)
     parts = _unfolded("", record)
     inner = [k for k, v in parts.items() if isinstance(v, list) and v and all(isinstance(e, dict) for e in v)]
     if len(inner) != 1:

@@ -14,9 +14,9 @@ import numpy as np
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.conversion import bits_by_line
-from tacstrip.io.log_import.fields import clock_times, number_of, says_nothing
+from tacstrip.io.log_import.fields import clock_times, is_of_two, number_of, says_nothing
 from tacstrip.io.log_import.mapping import ColumnMapping
-from tacstrip.io.log_import.names import TIME_UNITS, meaning
+from tacstrip.io.log_import.names import CLOCKS, TIME_UNITS, meaning
 from tacstrip.io.log_import.table import Table
 
 _DAY_S = 86400.0
@@ -128,17 +128,18 @@ def raw_times(table: Table, mapping: ColumnMapping) -> FloatArray:
     """Return each row's time in the unit of its column, seconds of a clock."""
     values = np.empty(len(table.rows))
     fields = table.column(mapping.time)
-    clock = mapping.time_unit == "clock"
+    clock = mapping.time_unit in CLOCKS
     colons = Counter(text.count(":") for text in fields)
     if clock and len(colons) > 1:  # minutes and seconds among hours
         usual = colons.most_common(1)[0][0]
         line, text = next((i, f) for i, f in zip(table.lines, fields, strict=True) if f.count(":") != usual)
         raise ReadingError(f"line {line}: {mapping.time} is {text!r}, and of another form on other lines")
+    minutes = 60.0 if mapping.time_unit == "hh:mm" and all(is_of_two(text) for text in fields) else 1.0
     read = clock_times(fields) if clock else [number_of(text, table.decimal) for text in fields]
     for n, (line, text, time) in enumerate(zip(table.lines, fields, read, strict=True)):
         if time is None:
             raise ReadingError(f"line {line}: {mapping.time} is {text!r}, not a time")
-        values[n] = time
+        values[n] = time * minutes
     return values
 
 
@@ -148,8 +149,10 @@ def _times(table: Table, mapping: ColumnMapping) -> FloatArray | None:
         return None
     values = raw_times(table, mapping)
     falls = np.diff(values, prepend=values[0])
-    if mapping.time_unit == "clock":
-        if not any(text.count(":") > 1 for text in table.column(mapping.time)):  # minutes and seconds
+    if mapping.time_unit in CLOCKS:
+        if mapping.time_unit != "hh:mm" and not any(
+            text.count(":") > 1 for text in table.column(mapping.time)
+        ):
             values = values + 2.0 * _HALF_HOUR_S * np.cumsum(falls < -_HALF_HOUR_S)
         days = np.cumsum((falls < -0.5 * _DAY_S) & (falls > -_DAY_S))  # midnight
         return np.asarray(np.round(values - values[0] + days * _DAY_S, 6))  # seconds since 1970 hold no more

@@ -10,8 +10,16 @@ from dataclasses import replace
 import numpy as np
 
 from tacstrip.errors import ReadingError
-from tacstrip.io.log_import.fields import array_of, clock_seconds, is_date, number_of, quantity
-from tacstrip.io.log_import.names import IN_VOLTS, READING_UNITS, TIME_UNITS, UNITS, meaning, meanings
+from tacstrip.io.log_import.fields import array_of, clock_seconds, is_date, number_of, quantity, says_nothing
+from tacstrip.io.log_import.names import (
+    CHANNELS,
+    IN_VOLTS,
+    READING_UNITS,
+    TIME_UNITS,
+    UNITS,
+    meaning,
+    meanings,
+)
 from tacstrip.io.log_import.table import ROW, Table, flattened
 
 _ARRAYS = 0.5  # of a column's fields that say something: then it is one of arrays
@@ -19,7 +27,13 @@ _WHOLE_SECONDS = r"(?:[\d/.-]+[T ])?\d{1,2}:\d\d:\d\d"
 _UNITS_COLUMN = re.compile(
     r"(?:\w+[ _.])?(?:units?|einheit(?:en)?|unit\u00e9s?|unidad|unit\u00e0)(?:[ _.]\w+)?", re.I
 )
+_FEW_KEYS, _SHOWN = 3, 5  # names of strips in a column; lines that are quoted
 _FEW_BLANKS = 0.25  # of the rows: where more have no time, cells are merged
+_CLOCK_PARTS = (
+    r"hours?|hh|stunden?|heures?|horas?|ore?", r"min(?:ute[ns]?|utos?|uti)?|mm",
+    r"s(?:ec(?:ond[ieos]*)?|ek(?:unden?)?)?|ss",
+    r"ms|millis(?:econds?)?|msec",
+)  # fmt: skip
 _CORNER = re.compile(r"(\w+)\s*[\\/|]\s*(t|time|zeit)\s*(?:[\[(]?(\w+)[\])]?)?", re.I)
 _SCAN_IN_NAME = re.compile(r"\W*(t|time|zeit|scan|frame|sample)\W*([+-]?\d+(?:\.\d+)?)\s*(\w*)\W*\Z", re.I)
 
@@ -31,8 +45,9 @@ def in_normal_form(table: Table) -> Table:
     two, merged cells are filled, a column that only counts the rows is left out, and columns of scans become rows.
     """
     steps: tuple[Callable[[Table], Table], ...] = (
-        _without_empty, _of_several_scans, _of_day_and_clock, _of_one_clock, _of_two_numbers, _transposed, _spread,
-        _without_units, _of_unit_column, _in_one_unit, _upright, _split_keys, _filled, _without_index,
+        _without_empty, _of_several_scans, _of_clock_parts, _of_day_and_clock, _of_one_clock, _of_two_numbers,
+        _transposed, _spread, _without_units, _of_strips_only, _of_unit_column, _in_one_unit, _upright, _split_keys,
+        _filled, _without_index,
     )  # fmt: skip
     for step in steps:
         table = step(table) if table.rows else table
@@ -81,7 +96,7 @@ def _of_day_and_clock(table: Table) -> Table:
     dates = [n for n in table.names if len(fields := {*table.column(n)}) > 1 and all(map(is_date, fields))]
     clocks = [
         n for n in table.names
-        if n not in dates and all(f.count(":") > 1 and clock_seconds(f) is not None for f in table.column(n))
+        if n not in dates and all(":" in f and clock_seconds(f) is not None for f in table.column(n))
     ]  # fmt: skip
     if len(dates) != 1 or len(clocks) != 1 or clock_seconds(f"{table.column(dates[0])[0]} 0:00:00") is None:
         return table
@@ -89,6 +104,27 @@ def _of_day_and_clock(table: Table) -> Table:
     days = table.column(dates[0])
     columns[clocks[0]] = [f"{d.strip()} {t}" for d, t in zip(days, columns[clocks[0]], strict=True)]
     return _with(table, columns, f"{dates[0]} and {clocks[0]}: a date and a time of day")
+
+
+def _of_clock_parts(table: Table) -> Table:
+    """Put hours, minutes and seconds that stand in columns of their own, perhaps with milliseconds, into one clock."""
+    found = [[n for n in table.names if re.fullmatch(word, n.strip(), re.I)] for word in _CLOCK_PARTS]
+    if any(len(names) != 1 for names in found[:3]) or len(found[3]) > 1:
+        return table
+    names = [names[0] for names in found if names]
+    fields = [table.column(n) for n in names]
+    if not all(re.fullmatch(r"\d{1,2}", f) for column in fields[:2] for f in column):
+        return table
+    if not all(re.fullmatch(r"\d{1,2}([.,]\d+)?", f) for f in fields[2]) or not all(
+        f.isdigit() for column in fields[3:] for f in column
+    ):
+        return table
+    clock = [
+        f"{h}:{m:0>2}:{s if s[1:2].isdigit() else '0' + s}{'.' + rest[0].zfill(3) if rest else ''}"
+        for h, m, s, *rest in zip(*fields, strict=True)
+    ]
+    columns = {"clock": clock} | {n: table.column(n) for n in table.names if n not in names}
+    return _with(table, columns, f"{', '.join(names)}: parts of one clock")
 
 
 def _of_one_clock(table: Table) -> Table:
@@ -233,6 +269,35 @@ def _without_units(table: Table) -> Table:
         ]
         told.append(f"{name}: its fields say {' and '.join(sorted(units))}")
     return _with(table, columns, *told) if told else table
+
+
+def _of_strips_only(table: Table) -> Table:
+    """Leave out rows whose key names no strip, such as TEMP among 2H, 2L, ..., or S1, S2, ...; with a doubt."""
+    for name in table.names:
+        fields = table.column(name)
+        kinds = meanings(sorted({*fields}))
+        others = {f for f, m in kinds.items() if m.strip is None}
+        if not others or len(kinds) - len(others) < _FEW_KEYS or meaning(name).role in ("time", "scan"):
+            continue
+        words = all(
+            re.fullmatch(r"[^\W\d]{2,}(?:[ _.-][^\W\d]+)*", f) and not says_nothing(f) for f in others
+        )
+        out = [n for n, f in enumerate(fields) if f in others]
+        strips = all(m.role == "reading" for f, m in kinds.items() if f not in others)
+        worded = strips and not any(number_of(f) is not None for f in kinds)
+        if (
+            not (worded and words)
+            or any(kinds[f].channel in CHANNELS for f in others)
+            or 2 * len(out) > len(fields)
+        ):
+            continue
+        kept = [n for n in range(len(fields)) if fields[n] not in others]
+        said = f"line(s) {', '.join(str(table.lines[n]) for n in out[:_SHOWN])}{', ...' if len(out) > _SHOWN else ''}"
+        return replace(
+            table, rows=[table.rows[n] for n in kept], lines=[table.lines[n] for n in kept],
+            doubts=(*table.doubts, f"{said}: {name} is {', '.join(sorted(others))}, no strip's number; passed over"),
+        )  # fmt: skip
+    return table
 
 
 def _of_unit_column(table: Table) -> Table:

@@ -17,7 +17,6 @@ import numpy as np
 from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.conversion import resolutions
 from tacstrip.io.log_import.delimiters import (
-    of_groups,
     of_sent,
     of_slashes,
     without_ends,
@@ -26,6 +25,7 @@ from tacstrip.io.log_import.delimiters import (
 )
 from tacstrip.io.log_import.dialects import of_dialect, of_displayed_scans, plain_rows
 from tacstrip.io.log_import.fields import STAMP, clock_seconds, is_value, number_of, says_nothing
+from tacstrip.io.log_import.groups import of_groups
 from tacstrip.io.log_import.literals import one_page, unwrapped
 from tacstrip.io.log_import.names import OTHER_SCRIPT, meaning, meanings, pair_of
 from tacstrip.io.log_import.records import STEADY, Item, is_label, items, named_values, of_literals
@@ -45,9 +45,12 @@ _STAMPED = re.compile(
     rf"\s*\[?{_DAY_NAMED}(?P<stamp>{STAMP})(?: \d{{4}}(?=\]))?\]?"
     r"(?!\s*[AaPp]\.?[Mm]\b)\s*(?:->|=>|>|\||:|\t|\s)\s*(?=\S)"
 )
-_LEVEL = re.compile(
-    r"[\[(]?(?:TRACE|DEBUG|DBG|VERBOSE|INFO|INF|NOTICE|LOG|WARN|WARNING|WRN|ERROR|ERR|FATAL|CRITICAL)[\])]?[\s:|-]\s*"
+_LEVELS = (
+    r"[\[(]?(?:TRACE|DEBUG|DBG|VERBOSE|INFO|INF|NOTICE|LOG|WARN|WARNING|WRN|ERROR|ERR|FATAL|CRITICAL)[\])]?"
 )
+_LEVEL = re.compile(rf"{_LEVELS}[\s:|-]\s*")
+_LEVEL_FIRST = re.compile(rf"\A\s*{_LEVELS}\s*[:|-]?\s*(?=[\[(\d])")  # before a time, as ROS writes
+_NODE = re.compile(r"\[[A-Za-z][\w./-]*\]:?\s+")
 _ARRAY = re.compile(r"(?<![\"\w])\[[\d\s.,;eE+\-naNuloNe]*\](?!\")")
 _BRACKETED = re.compile(r"\s*[\[({](.*)[\])}]\s*[,;]?\s*")  # a line such as "(20, [1, 2])"
 _PREFIX = re.compile(r"\s*(?:[A-Za-z]+:|-)\s+(?=[-+.\d])")  # such as "RX: " before the fields of each line
@@ -68,12 +71,16 @@ _SIGN_APART = re.compile(r"\A([+-])\s+(?=[\d.,])")  # as loggers write "+  2.862
 _REMARKED = re.compile(
     r"(?<!\s)(?:\s+[(\[][^()\[\]]{9,}[)\]]\s*|\s{2,}\S.*|\s+(?:--|#|//)\s.*)\Z"
 )  # behind names in a comment
-_ANNOUNCED = re.compile(r"\A(?:columns?|fields?|format|header|names?|cols?|spalten)\s*[:=]\s*", re.IGNORECASE)
-_RANGE = re.compile(r"\b([A-Za-z_]+)(\d+)\s*(?:\.\.+|\u2026|-|to)\s*([A-Za-z_]*)(\d+)\b")  # such as "A0..A3"
+_ANNOUNCED = re.compile(
+    r"\A(?:order|columns?|fields?|format|header|names?|cols?|spalten)\s*[:=]\s*", re.IGNORECASE
+)
+_RANGE = re.compile(
+    r"\b([A-Za-z_]+) ?(\d+)\s*(?:\.\.+|\u2026|-|to)\s*([A-Za-z_]*) ?(\d+)\b"
+)  # such as "A0..A3"
 _SAID_OF = re.compile(r"\s+(?:=|are|:)\s.*\Z")  # what names are
 _MOST_NAMES = 1000
 _SHELL = re.compile(
-    r"\s*(?:>>> (?!\s*[-+\d.]).*|\[\d+ rows x \d+ columns\]\s*|\(?\d+ rows?(?: in set.*|\)\s*))"
+    r"\s*(?:>>> (?!\s*[-+\d.]).*|> [A-Za-z.].*|\[\d+ rows x \d+ columns\]\s*|\(?\d+ rows?(?: in set.*|\)\s*))"
 )  # around a printed DataFrame
 _R_ROW = re.compile(r"\s*\[\d+,\](?=\s)")  # before the rows of a matrix that R prints
 _REMARK_NAMES = (
@@ -97,7 +104,9 @@ _FEW_LINES = 4  # of fewer, the length of the last number tells nothing
 _FEW_BLOCKS = 2
 _ENCODINGS = ("gb18030", "big5", "shift_jis", "euc_kr", "cp1251", "koi8-r")
 _WORDS_KNOWN = 2  # of those that logs have: fewer may be there by chance
-_WORDED = re.compile(r"[^\dA-Za-z]*[A-Za-z][^\t;|]*(?<!,)\Z")  # and without fields
+_WORDED = re.compile(
+    r"[^\dA-Za-z]*[A-Za-z][^\t;|]*(?<!,)\Z|\s*([=*~<>-])\1+\s*\w[^\t;|]*\1{2,}\s*\Z"
+)  # and without fields
 _THOUSANDS = re.compile(r"(?<=\d)[\u2009\u202f\xa0](?=\d{3}(?!\d))")
 _BOUND = re.compile(r"(\d)\s?(?:\u00b1|\+/-)\s?\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?(?!\d|\s?(?:\u00b1|\+/-))")
 _COLOUR = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")  # of a terminal
@@ -167,7 +176,12 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     every = [(i, line) for i, line in enumerate(re.split(r"\r\n|\r\r\n|\n|\r", text), 1)]
     every = one_page(unwrapped([(i, line) for i, line in every if i not in strays]))
     lines = [(i, line) for i, line in every if line.strip() and not _RULE.fullmatch(line)]
-    lines = [(i, line) for i, line in lines if not _SHELL.fullmatch(line)]
+    around = {i for i, line in lines if _SHELL.fullmatch(line)}
+    if 2 * len(around) <= len(lines):
+        typed = [f"line {i} ({line.strip()!r})" for i, line in lines if i in around and line.startswith("> ")]
+        said = f"{', '.join(typed)}: typed at a prompt, passed over" if typed else ""
+        messages = "; ".join(filter(None, [messages, said]))
+        lines = [(i, line) for i, line in lines if i not in around]
     if not lines:
         raise ReadingError(f"{path}: the file is empty")
     lines, stamps = _without_stamps(lines)
@@ -270,24 +284,32 @@ def _in_pairs(lines: list[tuple[int, str]]) -> list[tuple[int, str]]:
     if len(re.findall(r"[A-Za-z]\s*\d*\s*[=:]?\s*#", _PAIRED.sub("#", sample))) > 1:
         return lines  # these have names
     between = re.search(r"#([^#]*)#", _PAIRED.sub("#", sample))
-    mark = (between[1].strip() if between else "") or " "
-    if len(mark) > 1:
+    mark = (
+        between[1] if between and not between[1].strip() else (between[1].strip() if between else "") or " "
+    )
+    if len(mark.strip()) > 1:
         return lines
     return [
-        (i, _PAIRED.sub(rf"\1{mark}\2", line).replace("|", " " if mark == " " else "|")) for i, line in lines
+        (i, _PAIRED.sub(rf"\1{mark}\2", line).replace("|", " " if not mark.strip() else "|"))
+        for i, line in lines
     ]
 
 
 def _without_stamps(lines: list[tuple[int, str]]) -> tuple[list[tuple[int, str]], dict[int, str]]:
     """Return lines without what a monitor or a logger puts before each: the time, by line, and a level."""
+    levelled, lines = lines, [(i, _LEVEL_FIRST.sub("", line)) for i, line in lines]
     found = [_STAMPED.match(line) or _COUNTED.match(line) for _, line in lines]
     if sum(m is not None for m in found) <= STEADY * len(lines):
-        return lines, {}
+        return levelled, {}
     if any(m is None and _as_wide(line, lines[-1][1]) for (_, line), m in zip(lines, found, strict=True)):
-        return lines, {}  # a table, whose names count the time, too
+        return levelled, {}  # a table, whose names count the time, too
     stamps = {i: m["stamp"].strip() for (i, _), m in zip(lines, found, strict=True) if m}
+    counts = [number_of(stamp) for stamp in stamps.values()]
+    falls = sum(b < a for a, b in itertools.pairwise(counts) if a is not None and b is not None)
+    if falls > (1.0 - STEADY) * len(counts) or (falls and max(c or 0.0 for c in counts) < len(counts)):
+        return levelled, {}  # numbers of strips
     rest = [(i, line[m.end() :] if m else line) for (i, line), m in zip(lines, found, strict=True)]
-    for prefix in (_HOST, _LEVEL):
+    for prefix in (_HOST, _LEVEL, _NODE):
         before = [prefix.match(line) for _, line in rest]
         if all(before) and (prefix is _LEVEL or len({m.group() for m in before if m}) == 1):
             rest = [(i, line[m.end() :]) for (i, line), m in zip(rest, before, strict=True) if m]
@@ -354,6 +376,11 @@ def _separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) 
             for (i, line), m in zip(data, remarked, strict=True)
         ]
     split = [(i, _fields(line, separator)) for i, line in data]
+    if separator == _WIDE:  # names may stand nearer to each other than numbers
+        near = {i: line.split() for i, line in data}
+        split = [
+            (i, row if len(row) == width or not _names_columns(near[i]) else near[i]) for i, row in split
+        ]
     split = [(i, row[:-1] if len(row) == width + 1 and not row[-1] else row) for i, row in split]
     marks = [
         n
@@ -384,6 +411,12 @@ def _separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) 
         "decimal commas" if decimal == "," else "",
         trimmed,
     )
+    ends = min((len(row) - _filled(row) for _, row in split if len(row) == width), default=0)
+    if ends and any(
+        len(_fields(line.lstrip("#%/! \t"), separator)) == width - ends > 1 for _, line in comments
+    ):
+        split = [(i, row[:-ends] if len(row) == width else row) for i, row in split]
+        width -= ends
     named = [(i, _fields(_names_said(line, width, separator), separator)) for i, line in comments]
     if separator == _WIDE:  # names may stand nearer to each other than numbers
         named = [(i, row if len(row) == width else " ".join(row).split()) for i, row in named]
@@ -425,7 +458,11 @@ def _names_said(line: str, width: int, separator: str) -> str:
             return shorter
         listed = _SAID_OF.sub("", _ANNOUNCED.sub("", _REMARKED.sub("", shorter)))
         parts = [p.strip() for p in re.split(r"[,;]", _RANGE.sub(_in_full, listed))]
-        if len(parts) == width > _FEW_BLOCKS and all(parts) and separator not in ",;":
+        if (
+            len(parts) == width > _FEW_BLOCKS
+            and all(parts)
+            and (separator not in ",;" or _RANGE.search(listed))
+        ):
             return (separator or " ").join(p.replace(" ", "_") for p in parts)
     return "" if len(_fields(bare, separator)) == width else bare
 
@@ -586,8 +623,9 @@ def _in_decimals(split: list[tuple[int, list[str]]], width: int) -> list[tuple[i
     """Mark as such the numbers of columns that are hexadecimal: of one length, some with letters."""
     full = [row for _, row in split if len(row) == width]
     body = full[len(full) // 10 + 1 :]
-    digits = [n for n in range(width) if body and all(re.fullmatch(_HEX, row[n]) for row in body)]
-    digits = [n for n in digits if len({len(row[n]) for row in body}) == 1]
+    there = {n: [row[n] for row in body if not says_nothing(row[n])] for n in range(width)}
+    digits = [n for n, read in there.items() if read and all(re.fullmatch(_HEX, cell) for cell in read)]
+    digits = [n for n in digits if len({*map(len, there[n])}) == 1]
     lettered = [row[n] for row in body for n in digits if re.search("[A-Fa-f]", row[n])]
     moving = [n for n in digits if len({row[n] for row in body}) > 1]
     if 2 * sum(any(re.search("[A-Fa-f]", row[n]) for row in body) for n in moving) < len(moving):
@@ -596,11 +634,23 @@ def _in_decimals(split: list[tuple[int, list[str]]], width: int) -> list[tuple[i
         re.search(r"[ABCDFabcdf]", f) and f[0].isdigit() for f in lettered
     ):
         return split
-    digits = [n for n in digits if len(body[0][n]) == len(lettered[0])]
+    digits = [n for n in digits if len(there[n][0]) == len(lettered[0])]
+    for n in [n for n in digits if not any(re.search("[A-Fa-f]", cell) for cell in there[n])]:
+        even = [_rises_evenly([int(cell, base) for cell in there[n]]) for base in (10, 16)]
+        if even == [True, True]:
+            raise ReadingError(
+                f"{there[n][0]!r}: a hexadecimal number, as others on its line, or a decimal one? Write 0x before those"
+            )
+        digits = [d for d in digits if d != n] if even[0] else digits
     for _, row in split:
         for n in digits if len(row) == width else ():
             row[n] = f"0x{row[n]}" if re.fullmatch(_HEX, row[n]) else row[n]
     return split
+
+
+def _rises_evenly(numbers: list[int]) -> bool:
+    steps = np.diff(numbers)
+    return len(steps) > 1 and bool((steps > 0).all()) and len({*steps.tolist()}) == 1
 
 
 def _labels(lines: list[tuple[int, str]]) -> dict[int, list[Item]]:
@@ -671,10 +721,21 @@ def _without_columns_of_blanks(data: list[tuple[int, str]]) -> list[tuple[int, s
     pieces = list(zip([0, *ends], [*ends, None], strict=True))
     if len(pieces) < max(counts) or max(counts) < 2:
         return data
-    cut = [(i, [line.expandtabs()[a:b].strip() for a, b in pieces]) for i, line in data]
-    full = [line for _, line in data if len(line.split()) >= len(pieces)]
+    rows = [all(map(_is_bare, line.split())) for _, line in data]
+    full = [
+        line for (_, line), row in zip(data, rows, strict=True) if row and len(line.split()) >= len(pieces)
+    ]
     if any(len(line[n - 1 : n + 1].strip()) == 2 for line in full for n in ends):  # a boundary within a word
         return data
+    cut = [
+        (
+            i,
+            [line.expandtabs()[a:b].strip() for a, b in pieces]
+            if row or len(line.split()) != len(pieces)
+            else line.split(),
+        )
+        for (i, line), row in zip(data, rows, strict=True)
+    ]
     if any(piece and says_nothing(piece) for _, row in cut for piece in row):  # then a blank one is lost
         return data
     if any(re.search(r"\S\s\S", piece) for _, row in cut[len(cut) // 2 :] for piece in row):

@@ -20,7 +20,7 @@ from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import ContactError, NetworkError, OptionError, one_of
-from tacstrip.network.grid import MOST, Grid, check_count, check_mm, joints, on_surface
+from tacstrip.network.grid import MOST, Grid, check_count, check_mm, cut_to_surface, joints
 from tacstrip.network.nodal import Measurement, solve_measurement
 from tacstrip.network.wires import Wires
 
@@ -115,7 +115,7 @@ def four_wire(
     check_mm(width_mm=width_mm, height_mm=height_mm)
     _check(sheet_ratio, contact_lambda_mm, point_squares, read)
     grid = Grid(float(width_mm), float(height_mm), *_cells(cells, width_mm, height_mm))
-    shapes, clipped = on_surface(contact, grid.width, grid.height, "sheets")
+    shapes, clipped = cut_to_surface(contact, grid.width, grid.height, "sheets")
     area_ohm, point_ohm = contact_lambda_mm**2 * (1.0 + sheet_ratio), point_squares  # sheet: 1 ohm per square
     joined = joints(grid, shapes, _inverse(area_ohm), _inverse(point_ohm))
     top, bottom = grid.numbers(bottom=False), grid.numbers(bottom=True)

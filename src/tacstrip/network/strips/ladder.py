@@ -19,8 +19,7 @@ import numpy as np
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.shape import Contact
 from tacstrip.network.imperfections import Imperfections, Readout
-from tacstrip.network.strips.measurements import network_readings
-from tacstrip.network.strips.mesh import StripMesh, make_mesh
+from tacstrip.network.strips.measurements import StripMesh, make_mesh, network_readings
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 

@@ -297,11 +297,13 @@ def _verdict(
     others = "others explain the readings too" + (
         "" if assessed.alternatives else ", though none of them is likely"
     )
-    only = " only" if assessed.confidence < ENOUGH_OF_ONE else ""
     narrower = "" if area else ", or give the contact's area"
+    likely = enough == _NEVER and assessed.confidence >= ENOUGH_OF_ONE
+    why = "; from few strips with one signature that is never certain" if likely else f", for {others}"
+    only = "" if likely else " only"
     sure = (
         f"with a probability of {assessed.confidence:.2f}{only} it overlaps the true outline by an IoU of "
-        f"{PROMISED_IOU} or more, for {others}: {more}{narrower}"
+        f"{PROMISED_IOU} or more{why}: {more}{narrower}"
     )
     return "doubtful", [sure, weak]
 

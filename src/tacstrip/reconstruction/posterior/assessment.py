@@ -60,7 +60,9 @@ _MISFITS = (0.5, 300.0)  # of the best rounded outline, beyond which it tells no
 # rounded ones agree and leave no more of a reading than this, squared over sigma^2. Never sure enough for "ok": of
 # families that are none of these (lenses, Reuleaux triangles) it is the likelier outline, but often a wrong one.
 _SURE_OF, _AGREE, _EXPLAINS, _TRUSTED = 0.6, 0.95, 1.5, 0.6
-_SHORT = 0.4  # at most, where the readings hold another count than was given: a third of the surer ones are right
+_SHORT = (
+    0.4  # at most, where the readings hold another count than was given: a third of the surer ones are right
+)
 _ALARM = 3.5
 _LIGHTEST, _MOST = 0.05, 4  # weight of an alternative, and how many are told
 # IoU of nearly all outlines that the covariance allows: nothing to sample, and what it is worth.

@@ -89,8 +89,9 @@ class SolidFit:
     time_s
         The scan's time [s].
     intervals
-        Within what each of "area_mm2", "force_n" and "radius_mm" lies with 95 %: (low, high), of what is told. In
-        "direction_rad" and "axis_rad" how far the direction, and the axis about it, are off: (0, at most).
+        Within what each of "area_mm2", "force_n" and "radius_mm" lies with 95 %: (low, high), of what is told (a ball's
+        radius on a tube in 8 of 10 scans only). In "direction_rad" and "axis_rad" how far the direction, and the axis
+        about it, are off: (0, at most).
 
     Examples
     --------

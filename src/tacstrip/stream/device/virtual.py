@@ -1,9 +1,17 @@
-"""A simulated device: it answers commands and sends scans as the firmware does (docs/reference/protocol.md)."""
+"""A simulated device: it answers commands and sends scans as the firmware does (docs/reference/protocol.md).
+
+On Linux and macOS other programs find it on a pseudo-terminal, as a serial port.
+"""
 
 from __future__ import annotations
 
+import os
+import select
+import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
+from typing import Self
 
 import numpy as np
 
@@ -27,6 +35,8 @@ from tacstrip.stream.device.protocol.scans import encode_scan
 from tacstrip.stream.source import RawScan
 
 _MAX_BURST = 256  # scans sent at once; older ones are skipped and counted as `late`
+_WAIT_S = 0.05
+_BYTES = 4096
 
 
 class VirtualDevice:
@@ -196,3 +206,68 @@ class Loopback:
     def close(self) -> None:
         """Close the line."""
         self._open = False
+
+
+class PtyDevice:
+    """Serves a virtual device on a pseudo-terminal until it is closed; use it in `with`.
+
+    Parameters
+    ----------
+    device
+        The device.
+
+    Attributes
+    ----------
+    path
+        Name of the port.
+
+    Raises
+    ------
+    PortError
+        This system has no pseudo-terminals.
+    """
+
+    def __init__(self, device: VirtualDevice) -> None:
+        try:
+            import tty
+        except ImportError:
+            raise PortError("virtual serial ports need Linux or macOS; use --simulate instead") from None
+        self.device = device
+        self._master, self._slave = os.openpty()  # the slave stays open here, so that a host may come and go
+        tty.setraw(self._slave)
+        os.set_blocking(self._master, False)
+        self.path = os.ttyname(self._slave)
+        self._closed = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="tacstrip device", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Unplug it; may be called twice."""
+        if self._closed.is_set():
+            return
+        self._closed.set()
+        self._thread.join()
+        for end in (self._master, self._slave):
+            os.close(end)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _run(self) -> None:
+        out = b""
+        while not self._closed.is_set():
+            wait = 0.0 if out else min(_WAIT_S, self.device.wait_s())
+            readable, _, _ = select.select([self._master], [], [], wait)
+            if readable:
+                out += self.device.receive(os.read(self._master, _BYTES))
+            out += self.device.send()
+            if out:
+                select.select([], [self._master], [], _WAIT_S)
+                # Where the host does not read, this does not wait for it, as a device would not.
+                with suppress(BlockingIOError):
+                    out = out[os.write(self._master, out) :]
+            if len(out) > 64 * _BYTES:
+                out = b""

@@ -18,7 +18,7 @@ from mcap.records import DataEnd, Footer
 from mcap.writer import CompressionType, Writer
 
 from tacstrip.errors import RecordingError
-from tacstrip.stream.recording.resync import MAGIC
+from tacstrip.stream.recording.records import MAGIC
 
 CHUNK_BYTES = 65536
 SYNC_S = 1.0  # at most, until what is written is on a durable file's disk: a power cut loses no more

@@ -14,7 +14,7 @@ from tacstrip.reconstruction.vertex.estimate import vertex_reconstruction
 from tacstrip.scan import Scan
 from tacstrip.simulation import simulate
 from tacstrip.thesis.chapter5.ambiguity import AMBIGUOUS, ambiguity_facts
-from tacstrip.thesis.chapter5.fit_errors import WITHIN
+from tacstrip.thesis.chapter5.tables import WITHIN
 from tacstrip.thesis.claims import Claim, checked, counted
 from tacstrip.thesis.shapes import POSITIONS, SHAPES, SIMULATED
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from tacstrip.data.published import experiments, published
-from tacstrip.thesis.chapter6.calibration import recovered_points
+from tacstrip.thesis.chapter6.tables import recovered_points
 from tacstrip.thesis.chapter6.twin import PLACINGS, REGIONS, centred, nearest_strips, twin
 from tacstrip.thesis.claims import Claim, checked, counted
 

@@ -31,6 +31,8 @@ _EXPLORED, _BEST, _SETTLED = (
     7,
 )  # rounds, descents of each that are settled: the best, and with unlike ones
 _FAR = 2.5  # times a short move
+# Directions that the readings tell least, deviations along them, and how far at most, of the outline's extent.
+_OPEN, _DEVIATIONS, _FARTHEST = 4, (-10.0, -4.0, 4.0, 10.0), 0.2
 _ORDERS = (2, 4, 3)  # parts of a turn that may bring an outline onto itself
 _SMOOTH = 0.35  # radians from scan to scan, in the median: an object that moves on
 _JUMP = 12.0  # of chi square: what a jump between such poses has to explain
@@ -264,16 +266,18 @@ def _edges_removed(corners: FloatArray) -> list[FloatArray]:
 
 
 def explored(scans: RigidScans, fit: Fit) -> list[Fit]:
-    """Return a concave outline's fits from beside it: what lies deep in a notch is read by few strips of few scans.
+    """Return an outline's fits from beside it, where few strips read it: its cost has kinks, and other best fits.
 
-    The best first, the fit or a better one; the others are ends of descents that stayed elsewhere. Corners are moved
+    The best first, the fit or a better one; the others are ends of descents that stayed elsewhere. The outline is
+    moved along what the readings tell least and, if it is concave (few scans read what lies deep in a notch), corners
     along their edges and edges across themselves, by little and by much; again from wherever that is better.
     """
     ends, soft = list[Fit](), 0.05 * scans.sensor.pitch_mm
     for _ in range(_EXPLORED):
-        tries = [
-            fitted(scans, start, fit.poses, 8, soft, 5.0, fit.basis) for start in _moved(fit.corners, scans)
-        ]
+        starts = _along_the_open(scans, fit)
+        if reflex(fit.corners).any():
+            starts += _moved(fit.corners, scans)
+        tries = [fitted(scans, start, fit.poses, 8, soft, 5.0, fit.basis) for start in starts]
         tries = [fitted(scans, f.corners, f.poses, 6, basis=fit.basis) for f in tries]
         near = [settled(scans, f, 2) for f in _unlike(sorted(tries, key=lambda f: f.cost), scans)]
         ends += near
@@ -315,6 +319,18 @@ def _moved(corners: FloatArray, scans: RigidScans) -> list[FloatArray]:
                 moved[at] += by * direction
                 found.append(moved)
     return found
+
+
+def _along_the_open(scans: RigidScans, fit: Fit) -> list[FloatArray]:
+    """Return an outline moved by little and by much along what the readings tell least of it."""
+    found = information(scans, fit.corners, fit.poses)
+    value, vector = np.linalg.eigh(covariances(found, fit.corners, fit.poses, fit.basis)[0])
+    farthest = _FARTHEST * float(np.ptp(fit.corners, axis=0).max())
+    return [
+        fit.corners + np.clip(by * np.sqrt(value[-i]), -farthest, farthest) * vector[:, -i].reshape(-1, 2)
+        for i in range(1, min(_OPEN, len(value) - 3) + 1)
+        for by in _DEVIATIONS
+    ]
 
 
 def reflex(corners: FloatArray) -> BoolArray:

@@ -14,6 +14,10 @@ from tacstrip.sensor.spec import Sensor
 from tacstrip.simulation import simulate
 
 UPRIGHT = 300.0  # slope of an edge that counts as upright
+_FOLLOWING, _LAGS = (
+    3.0,
+    20,
+)  # deviations of what neighbouring scans leave over alike; scans that are looked back
 NEVER = 1e6  # pitches: what touched strips tell of the ends is left out, for inside the gap it is nothing
 
 
@@ -98,6 +102,23 @@ def rigid_motions(corners: FloatArray) -> FloatArray:
     found[::2, 0] = found[1::2, 1] = 1.0
     found[::2, 2], found[1::2, 2] = -corners[:, 1], corners[:, 0]
     return found
+
+
+def following(scans: RigidScans, corners: FloatArray, poses: FloatArray) -> float:
+    """Return how many times as far off errors that follow each other from scan to scan leave the shape; 1: none do.
+
+    That is the square root of their integrated autocorrelation, as for the mean of a series. Scans in order of time.
+    """
+    left, alike = scans.k - linearised(scans, corners, poses).model, 0.0
+    for lag in range(1, min(_LAGS, len(left) // 2)):
+        a, b = left[:-lag], left[lag:]
+        both = np.isfinite(a) & np.isfinite(b)
+        a, b = a[both], b[both]
+        r = float((a * b).sum() / max(np.sqrt(float((a * a).sum() * (b * b).sum())), 1e-300))
+        if r <= 0.0 or (lag == 1 and r * np.sqrt(len(a)) < _FOLLOWING):
+            break
+        alike += r
+    return float(np.sqrt(1.0 + 2.0 * alike))
 
 
 def joint_bound(

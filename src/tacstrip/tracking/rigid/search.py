@@ -29,6 +29,7 @@ from tacstrip.tracking.rigid.corners import (
     settled,
     unstuck,
 )
+from tacstrip.tracking.rigid.covariance import following
 from tacstrip.tracking.rigid.offsets import Offsets, channel_offsets, taken_off, without_needless_corners
 from tacstrip.tracking.rigid.smooth_path import Path, centres, circle, fit_path, spline_basis
 
@@ -43,6 +44,11 @@ _NEAR = 6  # fits that are tried on the best of them
 LEAST_STRIPS = 3  # that a scan touches: fewer tell hardly more than a pose
 FEW_STRIPS = 12  # that read an outline at few places, the same ones as long as it does not move across them
 _KEPT = 3  # paths that are made polygons of
+_FEW_A_SCAN = (
+    6  # strips: scans that touch fewer explain one another at many wrong turns, so that all are tried
+)
+_EXPLORED = 3  # rounds of looking beside a fit, as long as that finds a better one
+_RECOUNTED = 12  # polygons that are recounted one by one where none of all turns explains the scans
 _SATISFIED = 1.15  # of the freedom: a chi square that ends the search
 _ALARM, _HARDLY_MORE = 3.5, 1.05  # deviations of chi square, and times the freedom
 _WITHIN = 8.0  # of the best criterion: fits that explain the readings as well
@@ -111,6 +117,16 @@ class Found:
         return max(
             (float(shapely.Polygon(o).buffer(0).hausdorff_distance(own)) for o, _ in self.others), default=0.0
         )
+
+    def unlike(self, least_mm: float) -> list[FloatArray]:
+        """Return the rivals' corners in the fit's frame, the likeliest first, without those that one before is like."""
+        kept, shapes = list[FloatArray](), [shapely.Polygon(self.fit.corners).buffer(0)]
+        for outline, _ in sorted(self.others, key=lambda pair: -pair[1]):
+            shape = shapely.Polygon(outline).buffer(0)
+            if min(float(shape.hausdorff_distance(s)) for s in shapes) > least_mm:
+                kept.append(outline)
+                shapes.append(shape)
+        return kept
 
     def of_other_count(self, least_mm: float) -> int:
         """Return how many corners the likeliest rival has that has more or fewer and is off by so much; 0: none is.
@@ -268,17 +284,50 @@ def search(
     return found
 
 
-def rigid_stretch(scans: RigidScans, distribution: str, *, thorough: bool = False) -> Found | None:
-    """Return the fit of all scans; None where no rigid outline explains them. If not thorough, searched for quickly."""
+def rigid_stretch(scans: RigidScans, distribution: str, effort: int = 0) -> Found | None:
+    """Return the fit of all scans; None where no rigid outline explains them.
+
+    Efforts: a quick look (0), a whole search (1), and the corners of many rough outlines counted (2).
+    """
     starts = Starts(scans)
-    if not thorough and not starts.erratic and not needs_smooth_motion(scans):
+    plain = not starts.erratic and not needs_smooth_motion(scans)
+    if effort == 0 and plain:
         fits = starts.pruned(starts.best(_TURNS, _KEPT))
         if min(len(bad_scans(starts.few, f)) for f in fits) > _LOST * len(starts.chosen):
             return None
-    found = search(
-        scans, distribution, offsets=False, thorough=thorough, starts=starts, round_and_round=False
-    )
+    if effort > 0 and plain and scans.strips_touched < _FEW_A_SCAN:
+        found = _on_all_turns(starts, distribution, counted=effort > 1)
+    else:
+        found = search(
+            scans, distribution, offsets=False, thorough=effort > 0, starts=starts, round_and_round=False
+        )
     return found if content(scans, found.fit, distribution) else None
+
+
+def _on_all_turns(starts: Starts, distribution: str, *, counted: bool) -> Found:
+    """Return the best fit from the outlines of all turns, however badly these explain the scans while they are rough.
+
+    Then from beside it, too: which side of a strip a corner passes, few strips hardly tell. Where none explains the
+    scans and `counted`, the best ones have their corners counted one by one until one does: with a corner too many or
+    too few they stay far from any good fit.
+    """
+    scans, turns = starts.scans, starts.best(_FINE_TURNS, len(_FINE_TURNS))
+    found = _polygons(starts, scans, turns, distribution)
+    if content(scans, found.fit, distribution):
+        for _ in range(_EXPLORED):
+            fits, least = [found.fit, *(fit for fit, _ in found.rivals)], found.fit.criterion(scans)
+            found = _compared(scans, [*fits, *explored(scans, found.fit)], distribution)
+            if found.fit.criterion(scans) > least - 0.5:
+                break
+        return found
+    if not counted:
+        return found
+    fits = [f for f in starts.pruned(turns) if _plausible(starts.few, f)]
+    for rough in sorted(fits, key=lambda f: f.criterion(starts.few))[:_RECOUNTED]:
+        fit = recounted(scans, _on_all(scans, starts.chosen, rough))[0]
+        if content(scans, fit, distribution):
+            return _compared(scans, [fit], distribution)
+    return found
 
 
 def _with_offsets(
@@ -313,6 +362,30 @@ def likelier(scans: RigidScans, a: Found, b: Found, distribution: str) -> Found:
     if worse > _WITHIN or not content(taken_off(scans, other.offsets), other.fit, distribution):
         return best
     return replace(best, rivals=(*best.rivals, (other.fit, worse)))
+
+
+def counted_among_followers(scans: RigidScans, found: Found, distribution: str) -> Found:
+    """Return what was found with as many corners as errors ask for that follow each other from scan to scan.
+
+    Such errors move the readings of many scans alike, as a corner does: what a corner gains counts as for so much
+    larger errors of which each scan has its own. The same where they do not follow each other.
+    """
+    wider = following(scans, found.fit.corners, found.fit.poses)
+    if wider == 1.0:
+        return found
+    larger = scans.with_sigma(wider * scans.sigma)
+    again = _compared(
+        larger, [_scaled(f, wider) for f in (found.fit, *(f for f, _ in found.rivals))], distribution
+    )
+    fit = _scaled(again.fit, 1.0 / wider)
+    if not content(scans, fit, distribution):
+        return found
+    return replace(found, fit=fit, rivals=tuple((_scaled(f, 1.0 / wider), w) for f, w in again.rivals))
+
+
+def _scaled(fit: Fit, larger: float) -> Fit:
+    """Return a fit as of readings so many times as uncertain."""
+    return replace(fit, costs=fit.costs / larger**2)
 
 
 def needs_smooth_motion(scans: RigidScans) -> bool:
@@ -371,14 +444,19 @@ def _compared(scans: RigidScans, fits: list[Fit], distribution: str) -> Found:
     if best.cost < _WORTH_SETTLING * best.freedom(scans):
         best, counts = recounted(scans, best)
         every += counts
-        if reflex(best.corners).any():
+        concave = bool(reflex(best.corners).any())
+        if concave or (best.basis is None and scans.strips_touched < FEW_STRIPS):
             first, *others = explored(scans, best)
-            best, counts = recounted(scans, first)
-            every, within = [*every, *others, *counts], _WITHIN_KINKS
-    every = sorted(every, key=lambda f: f.criterion(scans))
-    rivals = ((f, f.criterion(scans) - best.criterion(scans)) for f in every if f is not best)
-    likely = ((f, w) for f, w in rivals if w <= within and content(scans, f, distribution))
-    return Found(best, np.arange(len(scans.k)), tuple(likely))
+            best, counts = recounted(scans, first) if first is not best else (best, [])
+            every = [*every, *others, *counts]
+            within = _WITHIN_KINKS if concave else _WITHIN
+    rivals = list[tuple[Fit, float]]()
+    for fit in sorted(every, key=lambda f: f.criterion(scans)):
+        worse = fit.criterion(scans) - best.criterion(scans)
+        unlike = not any(_same(fit, f) for f in (best, *(r for r, _ in rivals)))
+        if worse <= within and unlike and content(scans, fit, distribution):
+            rivals.append((fit, worse))
+    return Found(best, np.arange(len(scans.k)), tuple(rivals))
 
 
 def _on_the_best_spline(scans: RigidScans, chosen: IntArray, fits: list[Fit]) -> list[Fit]:

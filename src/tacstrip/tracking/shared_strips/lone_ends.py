@@ -40,22 +40,25 @@ def lone_ends(
         parts = [n for p in _PARTS if (n := total // p) >= FEWEST and n not in cuts]
         if not (lengths := [*cuts, *parts]):
             continue
-        # what explains a stretch explains its parts: where the shortest fails, all others do; and up to the first
-        # sudden change all scans show one object
+        # What explains a stretch explains its parts, and up to the first sudden change all scans show one object. But
+        # not all that is put down changes readings suddenly, and of few scans the search may fail: then the jumps.
         first = total - int(changes[-1]) if from_end else int(changes[0])
         shortest = max(min(lengths), min(first, max(lengths)))
-        best = _longest(scans, [shortest], from_end, distribution, thorough=True)
+        tried = [shortest, *(n for n in cuts[::-1] if n != shortest and 2 * n > shortest)]
+        best = _longest(scans, tried, from_end, distribution, 1)
+        best = best or _longest(scans, tried[:1], from_end, distribution, 2)
         if best is None:
             if both:
                 break
             continue
-        best = _longest(scans, [n for n in lengths if n > shortest], from_end, distribution) or best
+        longer = [n for n in lengths if n > len(best[0]) and n not in tried[: tried.index(len(best[0]))]]
+        best = _longest(scans, longer, from_end, distribution) or best
         least = len(best[0])
         if (
             least not in cuts
         ):  # a jump says where a stretch ends: a search may have failed that stays short of it
             more = [n for n in cuts[::-1] if n > least]
-            best = _longest(scans, more, from_end, distribution, thorough=True) or best
+            best = _longest(scans, more, from_end, distribution, 1) or best
         found.append(best)
     if len(found) == 2 and found[0][0].stop > found[1][0].start:
         return found[:1]
@@ -63,13 +66,13 @@ def lone_ends(
 
 
 def _longest(
-    scans: RigidScans, lengths: list[int], from_end: bool, distribution: str, *, thorough: bool = False
+    scans: RigidScans, lengths: list[int], from_end: bool, distribution: str, effort: int = 0
 ) -> tuple[range, Found] | None:
     """Return the first of some lengths that a rigid outline explains at an end of all scans, and it."""
     total = len(scans.k)
     for length in lengths:
         some = range(total - length, total) if from_end else range(length)
-        one = rigid_stretch(scans.of(np.array(some)), distribution, thorough=thorough)
+        one = rigid_stretch(scans.of(np.array(some)), distribution, effort)
         if one is not None:
             return some, one
     return None

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import zip_longest
+from math import erf, exp, sqrt
 
 import numpy as np
 
@@ -40,8 +41,10 @@ _STEADY, _TURNS = 0.003, 0.008  # least deviation of second differences: of the 
 _JERKS = 2.0  # motion that costs so many times what is expected is less smooth than thought
 _MISSED = 4.0  # of chi square that an object must gain to be there
 _ALIKE, _APART = 10.0, 0.03  # of chi square, and of the size: another way that explains as well
-_RIVALS, _BETTER = 3, 6.0  # outlines that are tried against the one found, and how much better one must be
-_HELD, _HELD_ANGLE = 0.017, 0.026  # deviations of a pose that is held: of the size, and [rad]
+_GUESSES = 2  # rivals that are followed by where the outlines found explain too little
+_RIVALS, _BETTER = 5, 6.0  # outlines that are tried against the one found, and how much better one must be
+_HELD, _HELD_ANGLE = 0.017, 0.035  # deviations of a pose that is held: of the size, and [rad]
+_WRONG = 0.02  # of the poses: where more are probably off by two such deviations and more, it is said
 _HIDDEN = (
     "in {n} of the scans {first} to {last} others hide so much of it that the readings do not hold its pose: there it "
     "goes on as it went, see the covariance"
@@ -73,6 +76,12 @@ _STAGES = (
 )  # tolerance over the size, scale of the loss, ends
 _LOOSE = np.array([0.01, 0.01, 0.03])  # deviations from what is between the scans that are explained
 _ROUGH = 12.0  # of what the motion costs at a scan
+_ASTRAY = (
+    *((0.0, 0.0, sign * turn) for turn in (0.15, 0.35, 0.7) for sign in (1.0, -1.0)),
+    *((sign * 0.06, 0.0, 0.0) for sign in (1.0, -1.0)),
+    *((0.0, sign * 0.06, 0.0) for sign in (1.0, -1.0)),
+)  # of the size, and [rad]: how far an object may have gone astray while others hid most of it
+_NEVER = 100.0  # of chi square beyond the best: a descent that rests there, with the outlines as they are, is given up
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,7 +198,28 @@ def follow(
     list of Shared or None
         None for an object that is in none of these scans; no list where the known objects do not explain them.
     """
-    rows = _rows(known[:MOST_OBJECTS], readings, touched, sensor, names, sigma)
+    for guess in _guesses(known[:MOST_OBJECTS]):
+        rows = _rows(guess, readings, touched, sensor, names, sigma)
+        found = _followed(rows, guess, readings, distribution)
+        if found is not None:
+            return found
+    return None
+
+
+def _guesses(known: Sequence[Alone]) -> Iterator[Sequence[Alone]]:
+    """Yield known objects, then with one of them by the outline of a rival: with a wrong one the scans do not fit."""
+    yield known
+    others = [(i, k, rival) for k, one in enumerate(known) for i, rival in enumerate(one.rivals)]
+    for _, k, rival in sorted(others, key=lambda other: other[:2])[:_GUESSES]:
+        own = known[k]
+        rest = tuple(o for o in (own.corners, *own.rivals) if o is not rival)
+        yield [*known[:k], replace(own, corners=rival, rivals=rest), *known[k + 1 :]]
+
+
+def _followed(
+    rows: _Rows, known: Sequence[Alone], readings: Mapping[int, FloatArray], distribution: str
+) -> list[Shared | None] | None:
+    """Return for each known object what its rows add; None where the objects do not explain them."""
     open_rows = _unexplained(rows, known, readings)
     windows = [
         w for w in np.split(open_rows, np.flatnonzero(np.diff(rows.numbers[open_rows]) > 1) + 1) if len(w)
@@ -215,7 +245,8 @@ def follow(
     kept: list[list[tuple[FloatArray, float]]] = [[] for _ in part]
     for k in np.flatnonzero(part):
         scene, kept[k] = _against_rivals(some, scene, int(k), known[int(k)].rivals)
-    return _shared(rows, chosen, scene, part, alike, kept, distribution)
+    scene, others = _astray(some, chosen, scene, part)
+    return _shared(rows, chosen, scene, part, alike + others, kept, distribution)
 
 
 def _against_rivals(
@@ -226,9 +257,10 @@ def _against_rivals(
     tried = [scene]
     for rival in rivals[:_RIVALS]:
         outlines = tuple(rival if i == k else o for i, o in enumerate(scene.outlines))
-        trial = fitted(
-            some.hull, replace(scene, outlines=outlines), some.follows, 8, _SOFT * float(some.sizes.max())
-        )
+        soft, trial = _SOFT * float(some.sizes.max()), replace(scene, outlines=outlines)
+        trial = fitted(some.hull, trial, some.follows, 8, soft, _CAUCHY, shapes=False)
+        trial = _settled(some, trial, 1, soft, shapes=False)
+        trial = fitted(some.hull, trial, some.follows, 8, soft)
         tried.append(_settled(some, fitted(some.hull, trial, some.follows), 1))
     criteria = np.array([s.cost + price * len(s.outlines[k]) for s in tried])
     criteria[1:] += _BETTER  # what was found first stays unless another is clearly better
@@ -240,6 +272,61 @@ def _against_rivals(
         for i, (s, worse) in enumerate(zip(tried, criteria - criteria[best], strict=True))
         if i != best and worse < _ALIKE
     ]
+
+
+def _astray(some: _Rows, chosen: IntArray, scene: Scene, part: BoolArray) -> tuple[Scene, list[_Elsewhere]]:
+    """Return the scene, or a better one in which an object gradually goes another way, and what explains as well.
+
+    What others leave to see of an object, such as one edge or one corner, may fit two ways that part slowly from where
+    it was alone. Each is a minimum of its own, so that the covariance at one does not tell of the other.
+    """
+    found = [scene]
+    for k in np.flatnonzero(part):
+        mine = np.flatnonzero(scene.present[:, k] & ~some.alone[:, k])
+        scale = np.array([some.sizes[k], some.sizes[k], 1.0])
+        for run in np.split(mine, np.flatnonzero(~some.follows[mine[1:]] | (np.diff(mine) > 1)) + 1):
+            if len(run) < 2:
+                continue
+            shape = _free_end(some, run, int(k))
+            for step in _ASTRAY:
+                poses = found[0].poses.copy()
+                poses[run, k] += shape[:, None] * np.array(step) * scale
+                trial = _other_way(some, replace(found[0], poses=poses), found[0])
+                if trial is not None:
+                    found = sorted([*found, trial], key=lambda s: s.cost)
+    best = found[0]
+    return best, [
+        _Elsewhere(chosen, s.outlines, s.poses, s.present) for s in found[1:] if s.cost - best.cost < _ALIKE
+    ]
+
+
+def _free_end(some: _Rows, run: IntArray, k: int) -> FloatArray:
+    """Return how much of a deviation each row of a run gets (R,): ever less towards scans in which it is alone."""
+    first, last = int(run[0]), int(run[-1])
+    held = first > 0 and some.follows[first] and some.alone[first - 1, k]
+    held_after = last + 1 < len(some.follows) and some.follows[last + 1] and some.alone[last + 1, k]
+    t = np.linspace(0.0, 1.0, len(run) + 2)[1:-1]
+    if held and held_after:
+        return np.asarray(np.sin(np.pi * t))
+    return t if held else 1.0 - t if held_after else np.ones(len(run))
+
+
+def _other_way(some: _Rows, trial: Scene, best: Scene) -> Scene | None:
+    """Return where a descent from other poses ends; None where that is the best scene again, or explains too little."""
+    trial = fitted(some.hull, trial, some.follows, 10, _SOFT * float(some.sizes.max()), _CAUCHY, shapes=False)
+    if _same_poses(some, trial, best):
+        return None
+    trial = _settled(some, trial, 1, shapes=False)
+    if trial.cost > best.cost + _NEVER or _same_poses(some, trial, best):
+        return None
+    trial = fitted(some.hull, trial, some.follows, 15)
+    return None if trial.cost > best.cost + _ALIKE or _same_poses(some, trial, best) else trial
+
+
+def _same_poses(some: _Rows, a: Scene, b: Scene) -> bool:
+    """Whether two scenes of the same presence have the same poses."""
+    off = np.abs(a.poses - b.poses)[a.present]
+    return bool((off <= (SAME * np.array([some.sizes.min(), some.sizes.min(), 1.0]))).all())
 
 
 def _rows(
@@ -590,8 +677,10 @@ def _shared(
         if len(mine):
             size = float(rows.sizes[k])
             sd = np.sqrt(np.diagonal(spread[mine, k], axis1=1, axis2=2))
-            loose = (np.hypot(sd[:, 0], sd[:, 1]) > _HELD * size) | (sd[:, 2] > _HELD_ANGLE)
-            if loose.any():
+            off = np.hypot(sd[:, 0], sd[:, 1]) / (_HELD * size), sd[:, 2] / _HELD_ANGLE
+            loose = np.maximum(*off) > 1.0
+            right = [(1.0 - exp(-4.0 / m**2)) * erf(sqrt(2.0) / a) for m, a in zip(*off, strict=True)]
+            if loose.any() and 1.0 - np.mean(right) > _WRONG:
                 advice.append(
                     _HIDDEN.format(n=int(loose.sum()), first=numbers[loose].min(), last=numbers[loose].max())
                 )
