@@ -333,6 +333,11 @@ def _about(values: FloatArray) -> tuple[float, float, tuple[float, float]]:
     return float(values[0]), sigma, (float(low), float(high))
 
 
+def _joined(interval: tuple[float, float], others: FloatArray) -> tuple[float, float]:
+    """Return an interval that holds other values too."""
+    return min(interval[0], float(others.min())), max(interval[1], float(others.max()))
+
+
 def _result(
     poses: Poses, values: FloatArray, descended: tuple[FloatArray, FloatArray], along: _Ridge, draws: Draws,
     scatter: _Scatter, scale: float, known_size: bool, time_s: float, averaging: str,
@@ -354,8 +359,13 @@ def _result(
         if (at := poses.column("log_radius")) is not None:
             # Also of a radius that few poses have but one explains the readings: by the best pose with each radius.
             logs, above = along[0][:, at], along[1] / scale
-            low, high = np.exp(radii_within(logs, above, _WITHIN))
-            of_radius = min(of_radius[0], float(low)), max(of_radius[1], float(high))
+            within = radii_within(logs, above, _WITHIN)
+            of_radius = _joined(of_radius, np.exp(within))
+            forces = np.array(
+                [patch_load(poses.skin, s, limited=False).force_n for s in poses.solids(along[0])]
+            )
+            known = np.isfinite(forces)
+            of_force = _joined(of_force, np.interp(within, logs[known], forces[known]))
             furthest = np.abs(np.array(radii_within(logs, above, _AT_MOST)) - math.log(radius)).max()
             loose["radius"] |= bool(furthest > RADIUS_OPEN)
         if alike or radius_sigma > _UNTOLD * radius:
