@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -179,3 +180,47 @@ def test_a_body_of_another_kind_is_told_by_how_it_is_curved() -> None:
 def test_a_force_that_is_boundless_in_some_draws_is_not_told() -> None:
     _, sigma, _ = _about(np.array([1.0, 1.2, math.inf, math.inf, 0.9]))  # before, a warning of NumPy's
     assert not sigma < math.inf
+
+
+def ball_in_tube(along: Literal["parallels", "meridians"], strips: int) -> tuple[ts.Sensor, ts.Patch]:
+    """Return a tube of 25 mm radius and the patch of a ball of 8 mm in it, whose radius shows in little of it."""
+    surface = ts.Surface(
+        kind="cylinder", radius_mm=25.0, height_mm=100.0, along=along, around_deg=355 if along == "parallels" else 360
+    )  # fmt: skip
+    tube = ts.Sensor(
+        construction="crs-crs", strips=strips, surface=surface, pitch_mm=surface.pitch_mm(strips),
+        length_mm=surface.length_mm(strips),
+    )  # fmt: skip
+    ball = ts.Solid.sphere(8.0).at((-25.0, 0.3, 49.6), toward=(1, 0, 0))
+    return tube, ts.press(tube, ball, depth_mm=1.5)
+
+
+@pytest.mark.parametrize(("along", "strips"), [("parallels", 100), ("meridians", 157)])
+def test_contacts_are_read_to_end_where_they_do(
+    along: Literal["parallels", "meridians"], strips: int
+) -> None:
+    tube, patch = ball_in_tube(along, strips)
+    scan = ts.simulate(tube, patch, ts.Noise())
+    read = Poses.of(scan, tube, ts.Solid.sphere(5.0), ts.Noise(positional=0.005), False).ends_read
+    np.testing.assert_allclose(read, (patch.l, patch.u), atol=1e-6)
+
+
+def test_a_ball_along_a_tube_is_found_in_the_mean_of_many_scans() -> None:
+    tube, patch = ball_in_tube("meridians", 157)
+    noise = ts.Noise(positional=0.005)
+    scan = ts.Scan.mean([ts.simulate(tube, patch, noise, rng=i) for i in range(64)])
+    found = ts.fit_solid(scan, tube, ts.Solid.sphere(5.0), noise)
+    assert found.status == "ok"
+    low, high = found.intervals["radius_mm"]
+    assert low < 8.0 < high < low + 2.0
+
+
+def test_a_ball_in_a_single_scan_leaves_its_radius_open() -> None:
+    tube, patch = ball_in_tube("parallels", 100)
+    noise = ts.Noise(positional=0.005)
+    for seed in range(3):
+        found = ts.fit_solid(ts.simulate(tube, patch, noise, rng=seed), tube, ts.Solid.sphere(5.0), noise)
+        assert found.status == "doubtful"
+        assert "the readings leave its radius" in found.advice
+        low, high = found.intervals.get("radius_mm", (0.0, np.inf))
+        assert low < 8.0 < high

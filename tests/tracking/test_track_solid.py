@@ -76,3 +76,21 @@ def test_a_ball_on_a_ball_is_followed_without_its_radius() -> None:
     assert "known_size=True" in found.advice
     assert np.isnan([found.radius_mm, found.force_n[0]]).all()
     assert abs(found.area_mm2[0] - patch.area_mm2) < 3.0 * found.area_sigma_mm2[0]
+
+
+def test_a_ball_on_a_tube_has_no_radius_of_which_it_is_falsely_sure() -> None:
+    surface = ts.Surface(kind="cylinder", radius_mm=25.0, height_mm=100.0, along="parallels", around_deg=355)
+    tube = ts.Sensor(
+        construction="crs-crs", strips=100, surface=surface, pitch_mm=surface.pitch_mm(100),
+        length_mm=surface.length_mm(100),
+    )  # fmt: skip
+    scans = []
+    for i in range(4):
+        around = 0.02 * i
+        toward = np.array([np.cos(around), -np.sin(around), 0.0])
+        ball = ts.Solid.sphere(8.0).at(-25.0 * toward + [0.0, 0.0, 47.0 + 0.5 * i], toward=toward)
+        scans.append(ts.simulate(tube, ts.press(tube, ball, depth_mm=1.5), NOISE, rng=i, time_s=0.05 * i))
+    found = ts.track_solid(scans, tube, ts.Solid.sphere(5.0), NOISE)
+    assert found.radius_interval_mm[0] < 8.0 < found.radius_interval_mm[1]
+    assert found.status == "doubtful"
+    assert "the scans leave the radius open" in found.advice

@@ -19,22 +19,20 @@ from tacstrip.contact.press.patch import patch_load
 from tacstrip.contact.press.solid import Solid
 from tacstrip.errors import ReadingError
 from tacstrip.reconstruction.pressed.descent import jacobian, refined
-from tacstrip.reconstruction.pressed.fit import descended, explains, noise_scale
+from tacstrip.reconstruction.pressed.fit import RADIUS_OPEN, descended, explains, noise_scale, radii_within
 from tacstrip.reconstruction.pressed.poses import Poses, cap
 from tacstrip.reconstruction.result import Status
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import check_closed_form
 from tacstrip.sensor.spec import Sensor
 
-_RADII, _WIDE, _ENOUGH = (
-    11,
-    4.0,
-    9.0,
-)  # of a grid; its half width in deviations; -2 log likelihood at its ends
-_ROUNDS, _FINE = 6, 801
-_LEAST, _MOST = 1e-3, 0.7  # deviations of the radius' logarithm that a grid is laid out for
+_RADII, _ROUNDS, _FINE = 11, 8, 801
+_LEAST, _WIDEST = 4e-3, 1.5  # half a grid, of the radius' logarithm
+_ENOUGH, _NEAR, _TOO_FAR = 9.0, 16.0, 60.0  # -2 log likelihood at its ends: at least, about, and at most
+_AT_MOST = 3.0  # deviations by which a radius may lie further off than `RADIUS_OPEN`, else it is open
 _STEP = 1e-3  # of differences: mm, rad, or a logarithm
 _UNLIKE = 4.0  # standard deviations of chi square by which scans disagree about the radius
+_OPEN = 0.125  # relative deviation from which on a radius is open
 _UNTOLD = 0.5  # relative deviation of a radius that is not told
 
 
@@ -155,9 +153,9 @@ def track_solid(
             seen.append(None)
             continue
         poses = Poses.of(scan, sensor, solid, noise, known_size)
-        values = descended(poses, last)[0][0]
-        (last,) = poses.solids(values[None])
-        seen.append(_Seen(poses, values))
+        ends, _, along = descended(poses, last)
+        (last,) = poses.solids(ends[:1])
+        seen.append(_Seen(poses, ends[0], along[0]))
     there = [one for one in seen if one is not None]
     if not there:
         return _summary(
@@ -173,6 +171,10 @@ def track_solid(
         radius = _Radius.of(there, scale)
         if radius.unlike > _UNLIKE:
             notes.append("the scans disagree about the radius: it is another object, or its radius changes")
+        if radius.sigma > _OPEN or radius.furthest > RADIUS_OPEN:
+            notes.append(
+                "the scans leave the radius open: take more of them, press harder, or across more strips"
+            )
         at = iter(radius.poses)
         seen = [one and replace(one, values=next(at)) for one in seen]
     unexplained = [
@@ -194,10 +196,11 @@ def track_solid(
 
 @dataclass(frozen=True, eq=False)
 class _Seen:
-    """A scan's poses and the best of them (P,)."""
+    """A scan's poses, the best of them (P,), and the best with other radii (N, P)."""
 
     poses: Poses
     values: FloatArray
+    others: FloatArray
 
     @property
     def squares(self) -> float:
@@ -217,21 +220,27 @@ class _Seen:
         aside = np.linalg.solve(normal[np.ix_(rest, rest)], normal[rest, at])
         return float(max(normal[at, at] - normal[at, rest] @ aside - self.poses.pull**2 / scale, 0.0))
 
-    def likelihood(self, logs: FloatArray, scale: float) -> tuple[FloatArray, FloatArray]:
-        """Return -2 log likelihood of radii (M,), but for a constant, and the poses (M, P) that are best with them."""
+    def likelihood(self, near: FloatArray, logs: FloatArray, scale: float) -> tuple[FloatArray, FloatArray]:
+        """Return -2 log likelihood of radii (M,) with the poses (M, P) that are best with them, and these.
+
+        `near` (N, P) are poses to begin from, each with a radius near it.
+        """
         at = self.poses.column("log_radius")
         assert at is not None
-        values = np.repeat(self.values[None], len(logs), axis=0)
+        values = near[np.abs(near[:, at] - logs[:, None]).argmin(axis=1)]
         values[:, at] = logs
         values, costs = refined(self.poses, values, "log_radius")
-        normal = np.delete(np.delete(self.normal(values), at, axis=1), at, axis=2)
         pull = self.poses.pull * (logs - math.log(self.poses.solid.size[0]))  # counts for no scan
-        return (costs - pull**2) / scale + np.linalg.slogdet(normal)[1], values
+        return (costs - pull**2) / scale, values
 
 
 @dataclass(frozen=True, eq=False)
 class _Radius:
-    """What all scans tell of the radius' logarithm, each scan's pose with it (P,), and how unlike they are."""
+    """What all scans tell of the radius' logarithm, each scan's pose with it (P,), and how unlike they are.
+
+    Likelihoods are those of the best poses. Added up over all poses, as with every pose alike beforehand, each scan
+    would prefer radii that have more of them: twenty scans by three times what they tell.
+    """
 
     mean: float
     sigma: float
@@ -239,6 +248,7 @@ class _Radius:
     poses: list[FloatArray]
     information: FloatArray
     unlike: float
+    furthest: float
 
     @classmethod
     def of(cls, seen: Sequence[_Seen], scale: float) -> _Radius:
@@ -250,36 +260,45 @@ class _Radius:
             np.array([one.information(scale) for one in seen]),
         )
         centre = float(np.average(own, weights=told + 1e-9))
-        half = _WIDE * min(max(1.0 / math.sqrt(told.sum() + 1e-12), _LEAST), _MOST)
+        half, near = _WIDEST, [one.others for one in seen]
         for _ in range(_ROUNDS):
             logs = np.linspace(centre - half, centre + half, _RADII)
-            each, poses = zip(*(one.likelihood(logs, scale) for one in seen), strict=True)
+            each, poses = zip(
+                *(one.likelihood(its, logs, scale) for one, its in zip(seen, near, strict=True)), strict=True
+            )
+            near = [np.concatenate([new, its]) for new, its in zip(poses, near, strict=True)]
             total = np.sum(each, axis=0)
             best = int(total.argmin())
-            if (
-                0 < best < _RADII - 1 and min(total[0], total[-1]) - total[best] >= _ENOUGH
-            ) or half > _WIDE * _MOST:
+            ends = min(total[0], total[-1]) - total[best]
+            if best in (0, _RADII - 1):
+                centre = float(logs[best])
+            elif ends > _TOO_FAR and half > _LEAST:
+                low, high = radii_within(logs, total, math.sqrt(_NEAR))
+                centre, half = 0.5 * (low + high), min(max(0.5 * (high - low), _LEAST), 0.6 * half)
+            elif ends < _ENOUGH and half < _WIDEST:
+                centre, half = float(logs[best]), 1.7 * half
+            else:
                 break
-            centre, half = float(logs[best]), half if best in (0, _RADII - 1) else 1.7 * half
-        from scipy.interpolate import CubicSpline
+        from scipy.interpolate import PchipInterpolator  # does not overshoot beside a steep rise
 
         fine = np.linspace(logs[0], logs[-1], _FINE)
-        curve = CubicSpline(logs, total)(fine)
+        curve = PchipInterpolator(logs, total)(fine)
         weight = np.exp(-0.5 * (curve - curve.min()))
         weight /= weight.sum()
         mean = float(weight @ fine)
         low, high = np.interp((0.025, 0.975), np.cumsum(weight), fine)
-        rises = sum(float(CubicSpline(logs, one)(mean) - one.min()) for one in each)
+        rises = sum(float(PchipInterpolator(logs, one)(mean) - one.min()) for one in each)
         freedom = max(len(seen) - 1, 1)
-        near = int(np.abs(logs - mean).argmin())
+        nearest = int(np.abs(logs - mean).argmin())
         held = []
         for one, values in zip(seen, poses, strict=True):
-            start = values[near : near + 1].copy()
+            start = values[nearest : nearest + 1].copy()
             start[:, at] = mean
             held.append(refined(one.poses, start, "log_radius")[0][0])
         return cls(
             mean, math.sqrt(float(weight @ np.square(fine - mean))), (float(low), float(high)), held, told,
             (rises - freedom) / math.sqrt(2.0 * freedom) if len(seen) > 1 else 0.0,
+            float(np.abs(np.array(radii_within(fine, curve, _AT_MOST)) - mean).max()),
         )  # fmt: skip
 
 

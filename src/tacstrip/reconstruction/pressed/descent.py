@@ -20,6 +20,7 @@ _ITERATIONS, _ROUGH, _SETTLED, _MOST_DAMPING = 30, 0.01, 1e-3, 1e7
 _LONGEST = 0.8  # mm, rad, or a factor's logarithm: a step
 STEP = 1e-3  # the same, of differences
 _ALIKE, _FAR = 0.02, 25.0  # the same: ends that are one; cost above twice the least of those that are left
+_RADII, _APART = 13, 0.25  # of a ridge along the radius' logarithm; how far apart they are
 _COUNTS = {"cylinder": 9, "edge": 9, "box": 8, "mesh": 12}  # of turns to begin with
 _Residuals: TypeAlias = Callable[[FloatArray], FloatArray]
 
@@ -29,6 +30,19 @@ def refined(poses: Poses, values: FloatArray, held: str = "") -> tuple[FloatArra
     at = poses.column(held)
     values, _ = descend(partial(poses.residuals, smooth=True), values, _SETTLED, at)
     return descend(poses.residuals, values, _SETTLED, at)
+
+
+def ridge(poses: Poses, end: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the best poses with radii beside an end's (M, P), in their order, and their costs (M,); else none.
+
+    A patch tells its size well and the radius hardly: poses lie along a bent ridge, whose slopes at one place do not
+    reach along it.
+    """
+    if (at := poses.column("log_radius")) is None:
+        return np.empty((0, len(end))), np.empty(0)
+    values = np.repeat(end[None], _RADII, axis=0)
+    values[:, at] += _APART * (np.arange(_RADII) - _RADII // 2)
+    return refined(poses, values, "log_radius")
 
 
 def descents(poses: Poses) -> tuple[FloatArray, FloatArray]:

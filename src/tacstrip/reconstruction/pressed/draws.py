@@ -13,7 +13,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.reconstruction.pressed.descent import jacobian
-from tacstrip.reconstruction.pressed.poses import TURNS, Poses
+from tacstrip.reconstruction.pressed.poses import TOUCH_MM, TURNS, Poses
 
 _ROUNDS, _DRAWS, _ENOUGH, _MOST_ROUNDS = 4, 240, 200.0, 12
 _CENTRES, _SHRUNK = 40, 0.6  # of later rounds; their spread over the draws' own
@@ -82,15 +82,19 @@ class _Mixture:
 
 
 def draw(
-    poses: Poses, ends: FloatArray, costs: FloatArray, random: np.random.Generator, scale: float
-) -> Draws:
-    """Return draws from the likelihood, with descents' ends (M, P) and costs (M,) to begin with.
+    poses: Poses, ends: FloatArray, costs: FloatArray, ridge: tuple[FloatArray, FloatArray],
+    random: np.random.Generator, scale: float,
+) -> Draws:  # fmt: skip
+    """Return draws from the likelihood, with descents' ends (M, P), their costs (M,) and a ridge to begin with.
 
     `scale` is by what the readings' variance is larger than `poses` takes it for.
     """
-    near = costs - costs[0] < _FAR * scale
-    ends, costs = ends[near], costs[near]
     covariances = _laplace(poses, ends) * scale
+    if (at := poses.column("log_radius")) is not None:
+        covariances = np.concatenate([covariances, _along(poses, ridge[0], at, scale)])
+        ends, costs = np.concatenate([ends, ridge[0]]), np.concatenate([costs, ridge[1]])
+    near = costs - costs[0] < _FAR * scale
+    ends, costs, covariances = ends[near], costs[near], covariances[near]
     share = -0.5 * (costs - costs[0]) / scale + 0.5 * np.linalg.slogdet(covariances)[1]
     share = np.exp(share - share.max())
     share = 0.7 * share / share.sum() + 0.3 / len(share)
@@ -106,7 +110,9 @@ def draw(
         drawn = np.logaddexp.reduce([p.log_density(values) for p in proposals], axis=0) - math.log(
             len(proposals)
         )
-        weights = _normal(log_likelihood - drawn)
+        # Depths are alike by their logarithm, as radii are: by their size, small objects pressed deep have more poses.
+        log_target = log_likelihood - np.log(np.maximum(values[:, 2], TOUCH_MM))
+        weights = _normal(log_target - drawn)
         best = values[int(np.argmax(log_likelihood))]
         wrapped = _wrapped(poses, values, best)
         draws = Draws(wrapped, weights, float(1.0 / np.square(weights).sum()), best)
@@ -115,7 +121,7 @@ def draw(
         power = 1.0  # less while few draws outweigh all others, so that the next ones reach further
         while power > _LEAST_POWER and 1.0 / np.square(weights).sum() < _SPREAD:
             power *= 0.7
-            weights = _normal(power * (log_likelihood - drawn))
+            weights = _normal(power * (log_target - drawn))
         root = np.linalg.cholesky(
             Draws(wrapped, weights, 0.0, best).covariance + 1e-12 * np.eye(values.shape[1])
         )
@@ -140,6 +146,18 @@ def _laplace(poses: Poses, ends: FloatArray) -> FloatArray:
     normal = np.einsum("mrp,mrq->mpq", slopes, slopes)
     widest = np.array([_WIDEST.get(name, 0.5 * poses.skin.thickness_mm) for name in poses.names])
     return np.linalg.inv(normal + np.diag(widest**-2.0))
+
+
+def _along(poses: Poses, values: FloatArray, at: int, scale: float) -> FloatArray:
+    """Return covariances (M, P, P) about poses of a ridge (M, P): one across it, of slopes, and its steps along it."""
+    along = 0.5 * np.gradient(values, axis=0)
+    slopes = np.delete(jacobian(poses.residuals, values, poses.residuals(values)), at, axis=2)
+    rest = np.delete(np.arange(values.shape[1]), at)
+    widest = np.array([_WIDEST.get(poses.names[i], 0.5 * poses.skin.thickness_mm) for i in rest])
+    own = np.linalg.inv(np.einsum("mrp,mrq->mpq", slopes, slopes) + np.diag(widest**-2.0)) * scale
+    covariances = along[:, :, None] * along[:, None, :]
+    covariances[:, rest[:, None], rest] += own
+    return np.asarray(covariances)
 
 
 def _wrapped(poses: Poses, values: FloatArray, best: FloatArray) -> FloatArray:

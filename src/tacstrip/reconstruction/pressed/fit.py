@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from tacstrip.contact.press.solid import Solid
 from tacstrip.errors import ContactError, OptionError
 from tacstrip.reconstruction.noise_covariance import Averaging, averaging_advice, signature_advice
 from tacstrip.reconstruction.polygon.goodness_of_fit import chi_square_score
-from tacstrip.reconstruction.pressed.descent import descents, refined
+from tacstrip.reconstruction.pressed.descent import descents, refined, ridge
 from tacstrip.reconstruction.pressed.draws import Draws, draw
 from tacstrip.reconstruction.pressed.kinds import Held
 from tacstrip.reconstruction.pressed.poses import GUESS, TOUCH_MM, TURNS, Poses, cap
@@ -43,6 +44,8 @@ _STRAIGHT = 0.1  # standard deviation of a bend, per 10 mm: about that of the fo
 _LOST_MM = 0.1  # depth by which touch and silence may contradict the object
 _LIKELY = 0.05  # share of draws
 _RIVAL = 4.0  # chi square by which another pose is no rival
+_WITHIN, _AT_MOST = 1.96, 3.0  # deviations: of intervals; by which no radius may lie further off than below
+RADIUS_OPEN = 0.3  # of a radius' logarithm: a radius that may lie further off is open
 _UNTOLD = 0.5  # relative standard deviation of a radius or force that is not told
 _ROUND = ("sphere", "cylinder")  # of a radius
 _AXES = ("cylinder", "edge", "box")  # a mesh may be alike turned about its own axis
@@ -200,24 +203,26 @@ def fit_solid(
     if not scan.touched.any():
         return SolidFit("no contact", "no strip reads a contact; press harder", time_s=scan.time_s)
     poses = Poses.of(scan, sensor, solid, sensor.noise if noise is None else noise, known_size)
-    ends, costs = descended(poses, start)
+    ends, costs, along = descended(poses, start)
     for _ in range(_REDRAWN):
         left = poses.residuals(ends[:1])[0]
         squares, freedom = float(np.square(left[: poses.readings]).sum()), poses.readings - len(poses.names)
         scale = noise_scale(squares, freedom, poses.noise is None)
         random = np.random.default_rng(_SEED)
-        draws = draw(poses, ends, costs, random, scale)
+        draws = draw(poses, ends, costs, along, random, scale)
         better, its = refined(poses, draws.best[None])
         if its[0] > costs[0] - _RIVAL:
             break
         # That no descent had found.
-        ends, costs = np.concatenate([better, ends]), np.concatenate([its, costs])
+        ends, costs, along = _with_ridge(poses, np.concatenate([better, ends]), np.concatenate([its, costs]))
     mean = draws.mean
     cost = float(np.square(poses.residuals(mean[None])).sum())
     values = mean if cost - costs[0] <= _MEAN * len(mean) * scale else ends[0]
     scatter = _Scatter.of(poses, values, draws.even(_LOADS, random))
     averaging = averaging_advice(poses.noise, sensor, Averaging.of(scan))
-    return _result(poses, values, (ends, costs), draws, scatter, scale, known_size, scan.time_s, averaging)
+    return _result(
+        poses, values, (ends, costs), along, draws, scatter, scale, known_size, scan.time_s, averaging
+    )
 
 
 def noise_scale(squares: float, freedom: int, unknown: bool) -> float:
@@ -228,13 +233,42 @@ def noise_scale(squares: float, freedom: int, unknown: bool) -> float:
     return max(1.0, (_BELIEF + squares) / (_BELIEF + max(freedom, 0)))
 
 
-def descended(poses: Poses, start: Solid | None) -> tuple[FloatArray, FloatArray]:
-    """Return where descents end (M, P), best first, and their costs (M,): from one that is near, else everywhere."""
+_Ridge: TypeAlias = tuple[FloatArray, FloatArray]
+
+
+def descended(poses: Poses, start: Solid | None) -> tuple[FloatArray, FloatArray, _Ridge]:
+    """Return where descents end (M, P), best first, their costs (M,), and a ridge: from one near, else everywhere."""
     if start is not None:
         ends, costs = refined(poses, poses.values_of(start)[None])
-        if explains(poses, ends):
-            return ends, costs
-    return descents(poses)
+        ends, costs, along = _with_ridge(poses, ends, costs)
+        if explains(poses, ends[:1]):
+            return ends, costs, along
+    return _with_ridge(poses, *descents(poses))
+
+
+def _with_ridge(poses: Poses, ends: FloatArray, costs: FloatArray) -> tuple[FloatArray, FloatArray, _Ridge]:
+    """Return ends and costs, the best first, and the ridge through it: another radius may be better."""
+    along = ridge(poses, ends[0])
+    for _ in range(_REDRAWN):
+        if not along[1].min(initial=math.inf) < costs[0] - _RIVAL:
+            break
+        better, its = refined(poses, along[0][along[1].argmin()][None])
+        ends, costs = np.concatenate([better, ends]), np.concatenate([its, costs])
+        along = ridge(poses, ends[0])
+    return ends, costs, along
+
+
+def radii_within(logs: FloatArray, costs: FloatArray, deviations: float) -> tuple[float, float]:
+    """Return the least and the greatest logarithm (M,), in order, of costs that are so little above the least."""
+    root = np.sqrt(costs - costs.min())  # of a parabola a line on either side
+    inside = np.flatnonzero(root <= deviations)
+    first, last = inside[0], inside[-1]
+    low, high = float(logs[first]), float(logs[last])
+    if first > 0:
+        low = float(np.interp(deviations, root[[first, first - 1]], logs[[first, first - 1]]))
+    if last < len(logs) - 1:
+        high = float(np.interp(deviations, root[[last, last + 1]], logs[[last, last + 1]]))
+    return low, high
 
 
 def explains(poses: Poses, values: FloatArray) -> bool:
@@ -299,9 +333,14 @@ def _about(values: FloatArray) -> tuple[float, float, tuple[float, float]]:
     return float(values[0]), sigma, (float(low), float(high))
 
 
+def _joined(interval: tuple[float, float], others: FloatArray) -> tuple[float, float]:
+    """Return an interval that holds other values too."""
+    return min(interval[0], float(others.min())), max(interval[1], float(others.max()))
+
+
 def _result(
-    poses: Poses, values: FloatArray, descended: tuple[FloatArray, FloatArray], draws: Draws, scatter: _Scatter,
-    scale: float, known_size: bool, time_s: float, averaging: str,
+    poses: Poses, values: FloatArray, descended: tuple[FloatArray, FloatArray], along: _Ridge, draws: Draws,
+    scatter: _Scatter, scale: float, known_size: bool, time_s: float, averaging: str,
 ) -> SolidFit:  # fmt: skip
     """Put together what was found, and judge it."""
     (solid,), kind = poses.solids(values[None]), poses.solid.kind
@@ -317,6 +356,18 @@ def _result(
         radius, radius_sigma, of_radius = _about(scatter.radius)
         alike = kind == "sphere" and cap(poses.skin) and not known_size
         loose["radius"] = not alike and not radius_sigma <= _RADIUS * radius
+        if (at := poses.column("log_radius")) is not None:
+            # Also of a radius that few poses have but one explains the readings: by the best pose with each radius.
+            logs, above = along[0][:, at], along[1] / scale
+            within = radii_within(logs, above, _WITHIN)
+            of_radius = _joined(of_radius, np.exp(within))
+            forces = np.array(
+                [patch_load(poses.skin, s, limited=False).force_n for s in poses.solids(along[0])]
+            )
+            known = np.isfinite(forces)
+            of_force = _joined(of_force, np.interp(within, logs[known], forces[known]))
+            furthest = np.abs(np.array(radii_within(logs, above, _AT_MOST)) - math.log(radius)).max()
+            loose["radius"] |= bool(furthest > RADIUS_OPEN)
         if alike or radius_sigma > _UNTOLD * radius:
             low, high = of_radius
             hold = "" if loose["area"] or loose["direction"] else "area and direction hold; "

@@ -23,6 +23,7 @@ from tacstrip.contact.signature import signatures
 from tacstrip.core.solid import solid_touch
 from tacstrip.reconstruction.noise_covariance import Averaging, reading_covariance
 from tacstrip.scan import Scan
+from tacstrip.sensor.closed_form import lower_and_width
 from tacstrip.sensor.left_out import left_out_wholly
 from tacstrip.sensor.resistance import ends_from_electrical
 from tacstrip.sensor.spec import Sensor
@@ -397,15 +398,20 @@ def _misfit(depth: FloatArray) -> FloatArray:
 
 
 def _ends_read(sensor: Sensor, scan: Scan) -> tuple[FloatArray, FloatArray]:
-    """Return about where contacts end on strips: l and u (n,) [mm]."""
+    """Return about where contacts end on strips: l and u (n,) [mm]; of one reading both where it alone puts them."""
     k = np.stack([scan[name] for name in scan.signatures])
-    low, high = (
-        f(np.where(np.isnan(k), fill, k), axis=0) * sensor.length_mm
-        for f, fill in ((np.min, np.inf), (np.max, -np.inf))
-    )
-    low, high = (np.where(scan.touched, v, np.nan) for v in (low, high))
-    l, u = (low, high) if sensor.surface is None else ends_from_electrical(sensor, low, high)
-    return l, np.maximum(u, l)
+    with np.errstate(all="ignore"):
+        middle = np.where(scan.touched, np.nansum(k, axis=0) / np.sum(~np.isnan(k), axis=0), np.nan)
+    low = high = middle * sensor.length_mm
+    if len(k) == 2:  # kh and kl; of a strip with one of them left out as above
+        lam = sensor.contact_lambda_mm if sensor.surface is None else 0.0  # which a surface's map takes off
+        l, w = lower_and_width(scan["kh"], scan["kl"], sensor.length_mm, sensor.sensing_ratio, lam)
+        half, both = 0.5 * np.maximum(w, 0.0), ~np.isnan(w)
+        low, high = (np.where(both, l + 0.5 * w + side * half, low) for side in (-1.0, 1.0))
+    if sensor.surface is not None:
+        low, high = ends_from_electrical(sensor, low, high)
+    low, high = (np.clip(v, 0.0, skin_of(sensor).lengths_mm) for v in (low, high))
+    return low, np.maximum(high, low)
 
 
 def _middle(skin: Skin, scan: Scan, ends: tuple[FloatArray, FloatArray]) -> tuple[FloatArray, FloatArray]:
