@@ -284,50 +284,57 @@ def search(
     return found
 
 
-def rigid_stretch(scans: RigidScans, distribution: str, effort: int = 0) -> Found | None:
-    """Return the fit of all scans; None where no rigid outline explains them.
+def rigid_stretch(starts: Starts, distribution: str, effort: int = 0) -> Found | None:
+    """Return the fit of all scans that were started with; None where no rigid outline explains them.
 
-    Efforts: a quick look (0), a whole search (1), and the corners of many rough outlines counted (2).
+    Efforts: a quick look (0), a whole search (1), and, where that failed, the corners of many rough outlines counted
+    (2). Where few strips are touched and the quick look leaves most scans unexplained, more effort is not spent.
     """
-    starts = Starts(scans)
+    scans = starts.scans
     plain = not starts.erratic and not needs_smooth_motion(scans)
-    if effort == 0 and plain:
+    few = plain and scans.strips_touched < _FEW_A_SCAN
+    if plain and (few or effort == 0):
         fits = starts.pruned(starts.best(_TURNS, _KEPT))
         if min(len(bad_scans(starts.few, f)) for f in fits) > _LOST * len(starts.chosen):
             return None
-    if effort > 0 and plain and scans.strips_touched < _FEW_A_SCAN:
-        found = _on_all_turns(starts, distribution, counted=effort > 1)
+    if effort > 1:
+        found = _counted(starts, distribution) if few else None
+    elif effort > 0 and few:
+        found = _on_all_turns(starts, distribution)
     else:
         found = search(
             scans, distribution, offsets=False, thorough=effort > 0, starts=starts, round_and_round=False
         )
-    return found if content(scans, found.fit, distribution) else None
+    return found if found is not None and content(scans, found.fit, distribution) else None
 
 
-def _on_all_turns(starts: Starts, distribution: str, *, counted: bool) -> Found:
+def _on_all_turns(starts: Starts, distribution: str) -> Found:
     """Return the best fit from the outlines of all turns, however badly these explain the scans while they are rough.
 
-    Then from beside it, too: which side of a strip a corner passes, few strips hardly tell. Where none explains the
-    scans and `counted`, the best ones have their corners counted one by one until one does: with a corner too many or
-    too few they stay far from any good fit.
+    Then from beside it, too: which side of a strip a corner passes, few strips hardly tell.
+    """
+    scans = starts.scans
+    found = _polygons(starts, scans, starts.best(_FINE_TURNS, len(_FINE_TURNS)), distribution)
+    for _ in range(_EXPLORED if content(scans, found.fit, distribution) else 0):
+        fits, least = [found.fit, *(fit for fit, _ in found.rivals)], found.fit.criterion(scans)
+        found = _compared(scans, [*fits, *explored(scans, found.fit)], distribution)
+        if found.fit.criterion(scans) > least - 0.5:
+            break
+    return found
+
+
+def _counted(starts: Starts, distribution: str) -> Found | None:
+    """Return the first fit that explains the scans, of the best of all turns with corners counted one by one.
+
+    With a corner too many or too few they stay far from any good fit.
     """
     scans, turns = starts.scans, starts.best(_FINE_TURNS, len(_FINE_TURNS))
-    found = _polygons(starts, scans, turns, distribution)
-    if content(scans, found.fit, distribution):
-        for _ in range(_EXPLORED):
-            fits, least = [found.fit, *(fit for fit, _ in found.rivals)], found.fit.criterion(scans)
-            found = _compared(scans, [*fits, *explored(scans, found.fit)], distribution)
-            if found.fit.criterion(scans) > least - 0.5:
-                break
-        return found
-    if not counted:
-        return found
     fits = [f for f in starts.pruned(turns) if _plausible(starts.few, f)]
     for rough in sorted(fits, key=lambda f: f.criterion(starts.few))[:_RECOUNTED]:
         fit = recounted(scans, _on_all(scans, starts.chosen, rough))[0]
         if content(scans, fit, distribution):
             return _compared(scans, [fit], distribution)
-    return found
+    return None
 
 
 def _with_offsets(

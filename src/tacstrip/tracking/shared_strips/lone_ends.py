@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+
 import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
@@ -27,55 +29,63 @@ def lone_ends(
 
     `both`: one end without the other is of no use. None are searched for where nothing comes or goes.
     """
-    found: list[tuple[range, Found]] = []
     changes = _sudden_changes(scans)
     if not len(changes):
-        return found
-    total = len(scans.k)
-    jumps = _jumps(scans)
-    for from_end in ends:
+        return []
+    total, jumps = len(scans.k), _jumps(scans)
+    begun: list[tuple[_End, list[int], list[int]]] = []
+    for end in (_End(scans, distribution, from_end) for from_end in ends):
+        room = total - sum(other.found for other, _, _ in begun)  # no scan shows each of two by itself
         cuts = sorted(
-            {n for j in jumps if FEWEST <= (n := total - j if from_end else j) < total}, reverse=True
+            {n for j in jumps if FEWEST <= (n := total - j if end.last else j) < room}, reverse=True
         )
-        parts = [n for p in _PARTS if (n := total // p) >= FEWEST and n not in cuts]
-        if not (lengths := [*cuts, *parts]):
-            continue
-        # What explains a stretch explains its parts, and up to the first sudden change all scans show one object. But
-        # not all that is put down changes readings suddenly, and of few scans the search may fail: then the jumps.
-        first = total - int(changes[-1]) if from_end else int(changes[0])
-        shortest = max(min(lengths), min(first, max(lengths)))
-        tried = [shortest, *(n for n in cuts[::-1] if n != shortest and 2 * n > shortest)]
-        best = _longest(scans, tried, from_end, distribution, 1)
-        best = best or _longest(scans, tried[:1], from_end, distribution, 2)
-        if best is None:
-            if both:
-                break
-            continue
-        longer = [n for n in lengths if n > len(best[0]) and n not in tried[: tried.index(len(best[0]))]]
-        best = _longest(scans, longer, from_end, distribution) or best
-        least = len(best[0])
-        if (
-            least not in cuts
-        ):  # a jump says where a stretch ends: a search may have failed that stays short of it
-            more = [n for n in cuts[::-1] if n > least]
-            best = _longest(scans, more, from_end, distribution, 1) or best
-        found.append(best)
-    if len(found) == 2 and found[0][0].stop > found[1][0].start:
-        return found[:1]
-    return found
+        parts = [n for p in _PARTS if FEWEST <= (n := total // p) <= room and n not in cuts]
+        if lengths := [*cuts, *parts]:
+            # What explains a stretch explains its parts, and up to the first sudden change all scans show one object.
+            # But not all that is put down changes readings suddenly, and of few scans the search may fail: the jumps.
+            first = total - int(changes[-1]) if end.last else int(changes[0])
+            shortest = max(min(lengths), min(first, max(lengths)))
+            tried = [shortest, *(n for n in cuts[::-1] if n != shortest and 2 * n > shortest)]
+            if end.searched(tried, 1) or end.searched(tried[:1], 2):
+                begun.append((end, cuts, [n for n in lengths if n not in tried[: tried.index(end.found)]]))
+                continue
+        if both:
+            return []
+    for end, cuts, lengths in begun:
+        room = total - sum(other.found for other, _, _ in begun if other is not end)
+        end.searched([n for n in lengths if end.found < n <= room])
+        if end.found not in cuts:
+            # a jump says where a stretch ends: a search may have failed that stays short of it
+            end.searched([n for n in cuts[::-1] if end.found < n <= room], 1)
+    return [end.best for end, _, _ in begun if end.best is not None]
 
 
-def _longest(
-    scans: RigidScans, lengths: list[int], from_end: bool, distribution: str, effort: int = 0
-) -> tuple[range, Found] | None:
-    """Return the first of some lengths that a rigid outline explains at an end of all scans, and it."""
-    total = len(scans.k)
-    for length in lengths:
-        some = range(total - length, total) if from_end else range(length)
-        one = rigid_stretch(scans.of(np.array(some)), distribution, effort)
-        if one is not None:
-            return some, one
-    return None
+@dataclass(eq=False)
+class _End:
+    """Stretches at the beginning of all scans, or the last ones, and the one that was found."""
+
+    scans: RigidScans
+    distribution: str
+    last: bool
+    best: tuple[range, Found] | None = None
+    starts: dict[int, Starts] = field(default_factory=dict)
+
+    @property
+    def found(self) -> int:
+        """How many scans it has."""
+        return 0 if self.best is None else len(self.best[0])
+
+    def searched(self, lengths: list[int], effort: int = 0) -> bool:
+        """Whether a rigid outline explains one of some lengths: the first such becomes the best."""
+        total = len(self.scans.k)
+        for length in lengths:
+            some = range(total - length, total) if self.last else range(length)
+            starts = self.starts.setdefault(length, Starts(self.scans.of(np.array(some))))
+            one = rigid_stretch(starts, self.distribution, effort)
+            if one is not None:
+                self.best = some, one
+                return True
+        return False
 
 
 def _sudden_changes(scans: RigidScans) -> IntArray:
