@@ -48,7 +48,8 @@ _FEW_A_SCAN = (
     6  # strips: scans that touch fewer explain one another at many wrong turns, so that all are tried
 )
 _EXPLORED = 3  # rounds of looking beside a fit, as long as that finds a better one
-_RECOUNTED = 12  # polygons that are recounted one by one where none of all turns explains the scans
+# polygons that are settled, and of these recounted, where none of all turns explains the scans
+_SETTLED, _RECOUNTED = 12, 3
 _SATISFIED = 1.15  # of the freedom: a chi square that ends the search
 _ALARM, _HARDLY_MORE = 3.5, 1.05  # deviations of chi square, and times the freedom
 _WITHIN = 8.0  # of the best criterion: fits that explain the readings as well
@@ -227,6 +228,12 @@ class Starts:
                 self.polygons[turn] = pruned(self.few, path.corners, path.poses)
         return [fit for turn in turns for fit in self.polygons[turn]]
 
+    @cached_property
+    def hopeless(self) -> bool:
+        """Whether the best outlines leave most scans unexplained, as those of a rigid object hardly ever do."""
+        fits = self.pruned(self.best(_TURNS, _KEPT))
+        return min(len(bad_scans(self.few, f)) for f in fits) > _LOST * len(self.chosen)
+
 
 def search(
     scans: RigidScans,
@@ -293,10 +300,8 @@ def rigid_stretch(starts: Starts, distribution: str, effort: int = 0) -> Found |
     scans = starts.scans
     plain = not starts.erratic and not needs_smooth_motion(scans)
     few = plain and scans.strips_touched < _FEW_A_SCAN
-    if plain and (few or effort == 0):
-        fits = starts.pruned(starts.best(_TURNS, _KEPT))
-        if min(len(bad_scans(starts.few, f)) for f in fits) > _LOST * len(starts.chosen):
-            return None
+    if plain and (few or effort == 0) and starts.hopeless:
+        return None
     if effort > 1:
         found = _counted(starts, distribution) if few else None
     elif effort > 0 and few:
@@ -326,13 +331,15 @@ def _on_all_turns(starts: Starts, distribution: str) -> Found:
 def _counted(starts: Starts, distribution: str) -> Found | None:
     """Return the first fit that explains the scans, of the best of all turns with corners counted one by one.
 
-    With a corner too many or too few they stay far from any good fit.
+    With a corner too many or too few they stay far from any good fit. `FIRST` corners and more explain anything.
     """
     scans, turns = starts.scans, starts.best(_FINE_TURNS, len(_FINE_TURNS))
-    fits = [f for f in starts.pruned(turns) if _plausible(starts.few, f)]
-    for rough in sorted(fits, key=lambda f: f.criterion(starts.few))[:_RECOUNTED]:
-        fit = recounted(scans, _on_all(scans, starts.chosen, rough))[0]
-        if content(scans, fit, distribution):
+    rough = [f for f in starts.pruned(turns) if _plausible(starts.few, f)]
+    rough = sorted(rough, key=lambda f: f.criterion(starts.few))[:_SETTLED]
+    fits = sorted((_on_all(scans, starts.chosen, f) for f in rough), key=lambda f: f.criterion(scans))
+    for settled_fit in fits[:_RECOUNTED]:
+        fit = recounted(scans, settled_fit)[0]
+        if len(fit.corners) < FIRST and content(scans, fit, distribution):
             return _compared(scans, [fit], distribution)
     return None
 

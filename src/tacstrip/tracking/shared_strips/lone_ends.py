@@ -33,47 +33,72 @@ def lone_ends(
     if not len(changes):
         return []
     total, jumps = len(scans.k), _jumps(scans)
-    begun: list[tuple[_End, list[int], list[int]]] = []
-    for end in (_End(scans, distribution, from_end) for from_end in ends):
-        room = total - sum(other.found for other, _, _ in begun)  # no scan shows each of two by itself
-        cuts = sorted(
-            {n for j in jumps if FEWEST <= (n := total - j if end.last else j) < room}, reverse=True
-        )
-        parts = [n for p in _PARTS if FEWEST <= (n := total // p) <= room and n not in cuts]
-        if lengths := [*cuts, *parts]:
-            # What explains a stretch explains its parts, and up to the first sudden change all scans show one object.
-            # But not all that is put down changes readings suddenly, and of few scans the search may fail: the jumps.
-            first = total - int(changes[-1]) if end.last else int(changes[0])
+    every = [_End(scans, distribution, last) for last in ends]
+
+    def room(end: _End) -> int:  # no scan shows each of two by itself
+        return total - sum(other.found for other in every if other is not end)
+
+    for end in every:
+        # What explains a stretch explains its parts, and up to the first sudden change all scans show one object. But
+        # not all that is put down changes readings suddenly, and of few scans the search may fail: then the jumps.
+        most = room(end)
+        cuts = sorted({n for j in jumps if FEWEST <= (n := end.length(j)) <= most}, reverse=True)
+        end.cuts = [n for n in cuts if n < total]
+        end.parts = [n for p in _PARTS if FEWEST <= (n := total // p) <= most and n not in cuts]
+        if lengths := [*end.cuts, *end.parts]:
+            first = end.length(int(changes[-1 if end.last else 0]))
             shortest = max(min(lengths), min(first, max(lengths)))
-            tried = [shortest, *(n for n in cuts[::-1] if n != shortest and 2 * n > shortest)]
-            if end.searched(tried, 1) or end.searched(tried[:1], 2):
-                begun.append((end, cuts, [n for n in lengths if n not in tried[: tried.index(end.found)]]))
-                continue
-        if both:
+            end.tried = [shortest, *(n for n in end.cuts[::-1] if n != shortest and 2 * n > shortest)]
+            end.searched(end.tried, 1)
+        if both and not end.found and (not end.tried or end.starts[end.tried[0]].hopeless):
             return []
-    for end, cuts, lengths in begun:
-        room = total - sum(other.found for other, _, _ in begun if other is not end)
-        end.searched([n for n in lengths if end.found < n <= room])
-        if end.found not in cuts:
+    failed = [end for end in every if not end.found]
+    if both and failed and (len(failed) > 1 or len(changes) == 1):
+        return []  # hardly ever does the search fail for both, and what takes turns at one change shares no scan
+    for end in failed:
+        if not end.searched([n for n in end.tried[:1] if n <= room(end)], 2) and both:
+            return []
+    for end in every:
+        if end.found:
+            shorter = end.tried[: end.tried.index(end.found)]
+            end.searched(
+                [n for n in (*end.cuts, *end.parts) if end.found < n <= room(end) and n not in shorter]
+            )
+        if end.found and end.found not in end.cuts:
             # a jump says where a stretch ends: a search may have failed that stays short of it
-            end.searched([n for n in cuts[::-1] if end.found < n <= room], 1)
-    return [end.best for end, _, _ in begun if end.best is not None]
+            end.searched([n for n in end.cuts[::-1] if end.found < n <= room(end)], 1)
+    return [end.best for end in every if end.best is not None]
 
 
 @dataclass(eq=False)
 class _End:
-    """Stretches at the beginning of all scans, or the last ones, and the one that was found."""
+    """Stretches at the beginning of all scans, or at their end, and the one that was found.
+
+    Attributes
+    ----------
+    cuts, parts
+        Lengths up to jumps, and parts of all scans.
+    tried
+        Those which must be explained for any other to be.
+    """
 
     scans: RigidScans
     distribution: str
     last: bool
     best: tuple[range, Found] | None = None
+    cuts: list[int] = field(default_factory=list)
+    parts: list[int] = field(default_factory=list)
+    tried: list[int] = field(default_factory=list)
     starts: dict[int, Starts] = field(default_factory=dict)
 
     @property
     def found(self) -> int:
         """How many scans it has."""
         return 0 if self.best is None else len(self.best[0])
+
+    def length(self, scan: int) -> int:
+        """Return how many scans there are up to one, or from it on."""
+        return len(self.scans.k) - scan if self.last else scan
 
     def searched(self, lengths: list[int], effort: int = 0) -> bool:
         """Whether a rigid outline explains one of some lengths: the first such becomes the best."""
