@@ -16,7 +16,7 @@ from tacstrip.cli import cli
 from tacstrip.core.hull import available
 from tacstrip.core.rigid import RigidScans
 from tacstrip.tracking.rigid.corners import Fit
-from tacstrip.tracking.rigid.search import Found
+from tacstrip.tracking.rigid.search import Found, Starts
 from tacstrip.tracking.shared_strips import lone_ends
 
 pytestmark = pytest.mark.skipif(not available(), reason="compiled only")
@@ -108,9 +108,9 @@ def test_a_jump_that_a_quick_search_stays_short_of_is_searched_thoroughly(
     """Sixteen scans, of which the first eight show one object; in the sixth a corner passes a strip."""
     asked = []
 
-    def stretch(scans: RigidScans, distribution: str, effort: int = 0) -> str | None:
-        asked.append((len(scans.k), effort))
-        return "found" if len(scans.k) <= (8 if effort else 5) else None
+    def stretch(starts: Starts, distribution: str, effort: int = 0) -> str | None:
+        asked.append((len(starts.scans.k), effort))
+        return "found" if len(starts.scans.k) <= (8 if effort else 5) else None
 
     monkeypatch.setattr(lone_ends, "rigid_stretch", stretch)
     k = np.where(np.arange(16)[:, None, None] < 8, 0.3, 0.6) + np.zeros((16, 2, 10))
@@ -124,8 +124,8 @@ def test_where_nothing_comes_or_goes_no_end_is_searched(monkeypatch: pytest.Monk
     """One object that deforms changes the readings smoothly; what is put down beside one makes them jump."""
     asked = []
 
-    def stretch(scans: RigidScans, distribution: str, effort: int = 0) -> None:
-        asked.append((len(scans.k), effort))
+    def stretch(starts: Starts, distribution: str, effort: int = 0) -> None:
+        asked.append((len(starts.scans.k), effort))
 
     monkeypatch.setattr(lone_ends, "rigid_stretch", stretch)
     smooth = 0.3 + 0.2 * np.linspace(0.0, 1.0, 18)[:, None, None] ** 2 + np.zeros((18, 2, 10))
@@ -141,19 +141,16 @@ def test_where_nothing_comes_or_goes_no_end_is_searched(monkeypatch: pytest.Monk
         return asked.copy()
 
     assert searched(smooth) == []
-    one_end = [(9, 1), (9, 2)]
-    assert (
-        searched(jumps) == 2 * one_end
-    )  # all scans before and after it show one object, or there are none such
-    assert searched(jumps, both=True) == one_end  # the first end has none: the last one would be of no use
+    # all scans before and after it show one object, or there are none such
+    assert searched(jumps) == [(9, 1), (9, 1), (9, 2), (9, 2)]
     assert searched(spreads)[:2] == [(6, 1), (9, 1)]  # up to the jump where the shortest stretch fails
 
 
 def test_where_a_first_change_comes_too_late_the_jumps_are_tried(monkeypatch: pytest.MonkeyPatch) -> None:
     """The second object comes without a sudden change in the tenth of thirty scans, and something else jumps later."""
 
-    def stretch(scans: RigidScans, distribution: str, effort: int = 0) -> str | None:
-        return "found" if len(scans.k) <= 10 else None
+    def stretch(starts: Starts, distribution: str, effort: int = 0) -> str | None:
+        return "found" if len(starts.scans.k) <= 10 else None
 
     monkeypatch.setattr(lone_ends, "rigid_stretch", stretch)
     monkeypatch.setattr(lone_ends, "_jumps", lambda scans: [10, 14])

@@ -48,7 +48,8 @@ _FEW_A_SCAN = (
     6  # strips: scans that touch fewer explain one another at many wrong turns, so that all are tried
 )
 _EXPLORED = 3  # rounds of looking beside a fit, as long as that finds a better one
-_RECOUNTED = 12  # polygons that are recounted one by one where none of all turns explains the scans
+# polygons that are settled, and of these recounted, where none of all turns explains the scans
+_SETTLED, _RECOUNTED = 12, 3
 _SATISFIED = 1.15  # of the freedom: a chi square that ends the search
 _ALARM, _HARDLY_MORE = 3.5, 1.05  # deviations of chi square, and times the freedom
 _WITHIN = 8.0  # of the best criterion: fits that explain the readings as well
@@ -227,6 +228,12 @@ class Starts:
                 self.polygons[turn] = pruned(self.few, path.corners, path.poses)
         return [fit for turn in turns for fit in self.polygons[turn]]
 
+    @cached_property
+    def hopeless(self) -> bool:
+        """Whether the best outlines leave most scans unexplained, as those of a rigid object hardly ever do."""
+        fits = self.pruned(self.best(_TURNS, _KEPT))
+        return min(len(bad_scans(self.few, f)) for f in fits) > _LOST * len(self.chosen)
+
 
 def search(
     scans: RigidScans,
@@ -284,50 +291,57 @@ def search(
     return found
 
 
-def rigid_stretch(scans: RigidScans, distribution: str, effort: int = 0) -> Found | None:
-    """Return the fit of all scans; None where no rigid outline explains them.
+def rigid_stretch(starts: Starts, distribution: str, effort: int = 0) -> Found | None:
+    """Return the fit of all scans that were started with; None where no rigid outline explains them.
 
-    Efforts: a quick look (0), a whole search (1), and the corners of many rough outlines counted (2).
+    Efforts: a quick look (0), a whole search (1), and, where that failed, the corners of many rough outlines counted
+    (2). Where few strips are touched and the quick look leaves most scans unexplained, more effort is not spent.
     """
-    starts = Starts(scans)
+    scans = starts.scans
     plain = not starts.erratic and not needs_smooth_motion(scans)
-    if effort == 0 and plain:
-        fits = starts.pruned(starts.best(_TURNS, _KEPT))
-        if min(len(bad_scans(starts.few, f)) for f in fits) > _LOST * len(starts.chosen):
-            return None
-    if effort > 0 and plain and scans.strips_touched < _FEW_A_SCAN:
-        found = _on_all_turns(starts, distribution, counted=effort > 1)
+    few = plain and scans.strips_touched < _FEW_A_SCAN
+    if plain and (few or effort == 0) and starts.hopeless:
+        return None
+    if effort > 1:
+        found = _counted(starts, distribution) if few else None
+    elif effort > 0 and few:
+        found = _on_all_turns(starts, distribution)
     else:
         found = search(
             scans, distribution, offsets=False, thorough=effort > 0, starts=starts, round_and_round=False
         )
-    return found if content(scans, found.fit, distribution) else None
+    return found if found is not None and content(scans, found.fit, distribution) else None
 
 
-def _on_all_turns(starts: Starts, distribution: str, *, counted: bool) -> Found:
+def _on_all_turns(starts: Starts, distribution: str) -> Found:
     """Return the best fit from the outlines of all turns, however badly these explain the scans while they are rough.
 
-    Then from beside it, too: which side of a strip a corner passes, few strips hardly tell. Where none explains the
-    scans and `counted`, the best ones have their corners counted one by one until one does: with a corner too many or
-    too few they stay far from any good fit.
+    Then from beside it, too: which side of a strip a corner passes, few strips hardly tell.
+    """
+    scans = starts.scans
+    found = _polygons(starts, scans, starts.best(_FINE_TURNS, len(_FINE_TURNS)), distribution)
+    for _ in range(_EXPLORED if content(scans, found.fit, distribution) else 0):
+        fits, least = [found.fit, *(fit for fit, _ in found.rivals)], found.fit.criterion(scans)
+        found = _compared(scans, [*fits, *explored(scans, found.fit)], distribution)
+        if found.fit.criterion(scans) > least - 0.5:
+            break
+    return found
+
+
+def _counted(starts: Starts, distribution: str) -> Found | None:
+    """Return the first fit that explains the scans, of the best of all turns with corners counted one by one.
+
+    With a corner too many or too few they stay far from any good fit. `FIRST` corners and more explain anything.
     """
     scans, turns = starts.scans, starts.best(_FINE_TURNS, len(_FINE_TURNS))
-    found = _polygons(starts, scans, turns, distribution)
-    if content(scans, found.fit, distribution):
-        for _ in range(_EXPLORED):
-            fits, least = [found.fit, *(fit for fit, _ in found.rivals)], found.fit.criterion(scans)
-            found = _compared(scans, [*fits, *explored(scans, found.fit)], distribution)
-            if found.fit.criterion(scans) > least - 0.5:
-                break
-        return found
-    if not counted:
-        return found
-    fits = [f for f in starts.pruned(turns) if _plausible(starts.few, f)]
-    for rough in sorted(fits, key=lambda f: f.criterion(starts.few))[:_RECOUNTED]:
-        fit = recounted(scans, _on_all(scans, starts.chosen, rough))[0]
-        if content(scans, fit, distribution):
+    rough = [f for f in starts.pruned(turns) if _plausible(starts.few, f)]
+    rough = sorted(rough, key=lambda f: f.criterion(starts.few))[:_SETTLED]
+    fits = sorted((_on_all(scans, starts.chosen, f) for f in rough), key=lambda f: f.criterion(scans))
+    for settled_fit in fits[:_RECOUNTED]:
+        fit = recounted(scans, settled_fit)[0]
+        if len(fit.corners) < FIRST and content(scans, fit, distribution):
             return _compared(scans, [fit], distribution)
-    return found
+    return None
 
 
 def _with_offsets(

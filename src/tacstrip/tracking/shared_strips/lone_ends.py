@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+
 import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
@@ -27,55 +29,88 @@ def lone_ends(
 
     `both`: one end without the other is of no use. None are searched for where nothing comes or goes.
     """
-    found: list[tuple[range, Found]] = []
     changes = _sudden_changes(scans)
     if not len(changes):
-        return found
-    total = len(scans.k)
-    jumps = _jumps(scans)
-    for from_end in ends:
-        cuts = sorted(
-            {n for j in jumps if FEWEST <= (n := total - j if from_end else j) < total}, reverse=True
-        )
-        parts = [n for p in _PARTS if (n := total // p) >= FEWEST and n not in cuts]
-        if not (lengths := [*cuts, *parts]):
-            continue
+        return []
+    total, jumps = len(scans.k), _jumps(scans)
+    every = [_End(scans, distribution, last) for last in ends]
+
+    def room(end: _End) -> int:  # no scan shows each of two by itself
+        return total - sum(other.found for other in every if other is not end)
+
+    for end in every:
         # What explains a stretch explains its parts, and up to the first sudden change all scans show one object. But
         # not all that is put down changes readings suddenly, and of few scans the search may fail: then the jumps.
-        first = total - int(changes[-1]) if from_end else int(changes[0])
-        shortest = max(min(lengths), min(first, max(lengths)))
-        tried = [shortest, *(n for n in cuts[::-1] if n != shortest and 2 * n > shortest)]
-        best = _longest(scans, tried, from_end, distribution, 1)
-        best = best or _longest(scans, tried[:1], from_end, distribution, 2)
-        if best is None:
-            if both:
-                break
-            continue
-        longer = [n for n in lengths if n > len(best[0]) and n not in tried[: tried.index(len(best[0]))]]
-        best = _longest(scans, longer, from_end, distribution) or best
-        least = len(best[0])
-        if (
-            least not in cuts
-        ):  # a jump says where a stretch ends: a search may have failed that stays short of it
-            more = [n for n in cuts[::-1] if n > least]
-            best = _longest(scans, more, from_end, distribution, 1) or best
-        found.append(best)
-    if len(found) == 2 and found[0][0].stop > found[1][0].start:
-        return found[:1]
-    return found
+        most = room(end)
+        cuts = sorted({n for j in jumps if FEWEST <= (n := end.length(j)) <= most}, reverse=True)
+        end.cuts = [n for n in cuts if n < total]
+        end.parts = [n for p in _PARTS if FEWEST <= (n := total // p) <= most and n not in cuts]
+        if lengths := [*end.cuts, *end.parts]:
+            first = end.length(int(changes[-1 if end.last else 0]))
+            shortest = max(min(lengths), min(first, max(lengths)))
+            end.tried = [shortest, *(n for n in end.cuts[::-1] if n != shortest and 2 * n > shortest)]
+            end.searched(end.tried, 1)
+        if both and not end.found and (not end.tried or end.starts[end.tried[0]].hopeless):
+            return []
+    failed = [end for end in every if not end.found]
+    if both and failed and (len(failed) > 1 or len(changes) == 1):
+        return []  # hardly ever does the search fail for both, and what takes turns at one change shares no scan
+    for end in failed:
+        if not end.searched([n for n in end.tried[:1] if n <= room(end)], 2) and both:
+            return []
+    for end in every:
+        if end.found:
+            shorter = end.tried[: end.tried.index(end.found)]
+            end.searched(
+                [n for n in (*end.cuts, *end.parts) if end.found < n <= room(end) and n not in shorter]
+            )
+        if end.found and end.found not in end.cuts:
+            # a jump says where a stretch ends: a search may have failed that stays short of it
+            end.searched([n for n in end.cuts[::-1] if end.found < n <= room(end)], 1)
+    return [end.best for end in every if end.best is not None]
 
 
-def _longest(
-    scans: RigidScans, lengths: list[int], from_end: bool, distribution: str, effort: int = 0
-) -> tuple[range, Found] | None:
-    """Return the first of some lengths that a rigid outline explains at an end of all scans, and it."""
-    total = len(scans.k)
-    for length in lengths:
-        some = range(total - length, total) if from_end else range(length)
-        one = rigid_stretch(scans.of(np.array(some)), distribution, effort)
-        if one is not None:
-            return some, one
-    return None
+@dataclass(eq=False)
+class _End:
+    """Stretches at the beginning of all scans, or at their end, and the one that was found.
+
+    Attributes
+    ----------
+    cuts, parts
+        Lengths up to jumps, and parts of all scans.
+    tried
+        Those which must be explained for any other to be.
+    """
+
+    scans: RigidScans
+    distribution: str
+    last: bool
+    best: tuple[range, Found] | None = None
+    cuts: list[int] = field(default_factory=list)
+    parts: list[int] = field(default_factory=list)
+    tried: list[int] = field(default_factory=list)
+    starts: dict[int, Starts] = field(default_factory=dict)
+
+    @property
+    def found(self) -> int:
+        """How many scans it has."""
+        return 0 if self.best is None else len(self.best[0])
+
+    def length(self, scan: int) -> int:
+        """Return how many scans there are up to one, or from it on."""
+        return len(self.scans.k) - scan if self.last else scan
+
+    def searched(self, lengths: list[int], effort: int = 0) -> bool:
+        """Whether a rigid outline explains one of some lengths: the first such becomes the best."""
+        total = len(self.scans.k)
+        for length in lengths:
+            some = range(total - length, total) if self.last else range(length)
+            starts = self.starts.setdefault(length, Starts(self.scans.of(np.array(some))))
+            one = rigid_stretch(starts, self.distribution, effort)
+            if one is not None:
+                self.best = some, one
+                return True
+        return False
 
 
 def _sudden_changes(scans: RigidScans) -> IntArray:
