@@ -144,6 +144,10 @@ def test_where_nothing_comes_or_goes_no_end_is_searched(monkeypatch: pytest.Monk
     # all scans before and after it show one object, or there are none such
     assert searched(jumps) == [(9, 1), (9, 1), (9, 2), (9, 2)]
     assert searched(spreads)[:2] == [(6, 1), (9, 1)]  # up to the jump where the shortest stretch fails
+    # both ends are needed: neither is searched further where both fail, nor the second one where the first has no hope
+    for hopeless, efforts in ((False, [(9, 1), (9, 1)]), (True, [(9, 1)])):
+        monkeypatch.setattr(Starts, "hopeless", hopeless)
+        assert searched(jumps, both=True) == efforts
 
 
 def test_where_a_first_change_comes_too_late_the_jumps_are_tried(monkeypatch: pytest.MonkeyPatch) -> None:
