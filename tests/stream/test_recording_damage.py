@@ -99,7 +99,8 @@ def test_damaged_and_cut(good: Path, tmp_path: Path) -> None:
         "an unknown number of messages, as their index is lost too",
         3,
     ]
-    assert saved.lost[2].startswith("the end of the file, and 100 of its ")
+    assert saved.lost[2].startswith("what was cut off the end, and of the ")
+    assert "bytes that are left the last 100" in saved.lost[2]
 
 
 def test_a_damaged_recording_is_an_error_where_it_is_read(good: Path, tmp_path: Path) -> None:
