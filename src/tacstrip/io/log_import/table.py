@@ -70,7 +70,7 @@ class Table:
     quotes
         What stands on broken lines, as far as that is known.
     empty
-        Rows that stand for scans without a line.
+        Lines of rows that stand for scans in which nothing touches; each row is a scan of its own.
     retries
         The tables that the log would be without its stray lines, the fewest set aside first.
     refused
@@ -95,7 +95,7 @@ class Table:
     preamble: tuple[str, ...] = ()
     absent: int = 0
     quotes: Mapping[int, str] = field(default_factory=dict)
-    empty: int = 0
+    empty: frozenset[int] = frozenset()
     retries: Callable[[], Iterator[Table]] = field(default=lambda: iter(()), repr=False, compare=False)
     refused: ReadingError | None = None
     doubts: tuple[str, ...] = ()
