@@ -37,7 +37,8 @@ def _xml(empty: str) -> str:
 def _lines(empty: str) -> str:
     return "".join(
         "".join(
-            f"ts=2026-03-01T12:00:0{time:.3f}Z level=info strip={s} vh={_volts(time, s)[0]:.4f}V vl={_volts(time, s)[1]:.4f}V\n"
+            f"ts=2026-03-01T12:00:0{time:.3f}Z level=info strip={s} "
+            f"vh={_volts(time, s)[0]:.4f}V vl={_volts(time, s)[1]:.4f}V\n"
             for s in strips
         )
         or f"ts=2026-03-01T12:00:0{time:.3f}Z level=info {empty}\n"
