@@ -89,6 +89,18 @@ def test_an_empty_scan_is_one_at_its_own_time(text: str) -> None:
             np.testing.assert_allclose(scan.values[strip], _volts(time, strip), atol=1e-4)
 
 
+@pytest.mark.parametrize("line_s", [0.0, 0.005])
+def test_scans_of_other_strips_are_told_apart_by_their_times(line_s: float) -> None:
+    touched = {0.0: (0, 1, 2), 0.1: (1, 2, 3), 0.2: (4, 5, 6), 0.3: (3, 4, 5), 0.4: (3, 4)}
+    text = "time_s,strip,v_h,v_l\n" + "".join(
+        f"{time + line_s * s:.3f},{s},{_volts(time, s)[0]:.3f},{_volts(time, s)[1]:.3f}\n"
+        for time, strips in touched.items()
+        for s in strips
+    )
+    found = _read(text).scans
+    assert [tuple(np.flatnonzero(np.isfinite(s.values[:, 0]))) for s in found] == [*touched.values()]
+
+
 def test_a_time_without_readings_and_without_a_word_of_no_contact_is_told() -> None:
     text = _lines("msg=restarted")
     table = of_text(text)
