@@ -145,3 +145,19 @@ def test_a_log_in_which_nothing_is_untouched_gets_a_warning(tmp_path: Path, unto
     assert result.exit_code == 0, result.output
     said = "every strip has a reading" in result.output and "set rest_volt and touch_volt" in result.output
     assert said is not untouched
+
+
+def test_a_vref_beside_the_unit_millivolts_is_in_millivolts() -> None:
+    frames = [
+        {"t_us": 100000 * n, "high": [2500.5 + n + s for s in range(9)], "low": [1500.5 + n] * 9}
+        for n in range(4)
+    ]
+    log = {"meta": {"units": "mV", "vref": 5000}, "frames": frames}
+    assert _read(json.dumps(log, indent=1)).mapping.unit == "mV"
+
+
+def test_analog_read_in_a_comment_tells_codes() -> None:
+    rows = [",".join(f"H{s}:{2500 + 9 * n + s},L{s}:{1400 + 7 * n + s}" for s in range(9)) for n in range(5)]
+    text = "# sampled at 50 Hz, analogRead 12 bit\n" + "\n".join(rows) + "\n"
+    mapping = _read(text).mapping
+    assert (mapping.unit, mapping.adc_bits) == ("code", 12)
