@@ -22,8 +22,9 @@ from tacstrip.io.log_import.guess import Proposal, left_out, propose, settled
 from tacstrip.io.log_import.mapping import ColumnMapping
 from tacstrip.io.log_import.scans import scans
 from tacstrip.io.log_import.table import Table
-from tacstrip.io.log_import.write import at_rest, rows, touched, write_log
+from tacstrip.io.log_import.write import at_rest, in_volts, rows, touched, write_log
 from tacstrip.io.readings import read_readings
+from tacstrip.sensor.rest_level import all_read_hint, rest_hint
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.replay import open_source
 
@@ -73,7 +74,7 @@ def command(
         found = _mapped(table, given, sensor) if given else propose(table, sensor, told, _stated(spec))
     for reason in found.reasons:
         note(f"  {reason}")
-    warn(*found.doubts, _below(found), file=log)
+    warn(*found.doubts, _below(found), _all_touched(found, sensor), file=log)
     _write(log, found, sensor, spec, output, force)
     _show(found, sensor)
     if not given:
@@ -147,6 +148,16 @@ def _below(found: Proposal) -> str:
         f"v_h is below v_l on strip {strip + found.mapping.strip_base} of the scan from line "
         f"{found.scans[scan].line}{more}: no sensor reads so; is a digit lost, or are columns exchanged?"
     )
+
+
+def _all_touched(found: Proposal, sensor: Sensor | None) -> str:
+    """Return a warning where every strip has a reading in every scan, so that untouched ones may have some, too."""
+    if sensor is None or found.mapping.strips != sensor.strips or not found.scans:
+        return ""
+    over_vref = in_volts(found.mapping, sensor.vref_volt, sensor.adc_bits) / sensor.vref_volt
+    values = over_vref * np.stack([scan.values for scan in found.scans])
+    raw = {channel: values[:, :, n] for n, channel in enumerate(found.mapping.channels)}
+    return rest_hint(sensor, raw) or all_read_hint(sensor, raw)
 
 
 def _show(found: Proposal, sensor: Sensor | None) -> None:

@@ -503,7 +503,7 @@ def _only_touched(table: Table, mapping: ColumnMapping, rough: list[LogScan]) ->
             int(np.isfinite(s.values).sum()) for s in rough
         )
     else:
-        listed = len(table.rows) - table.empty if mapping.strip and not table.absent else 0
+        listed = len(table.rows) - len(table.empty) if mapping.strip and not table.absent else 0
         touched = int(there.sum()) * (2 if mapping.which else 1) == listed
     side_by_side = all(row[np.argmax(row) :][: row.sum()].all() for row in there)
     return touched and side_by_side and bool(there.all(axis=1).mean() < _MOST_COMPLETE)

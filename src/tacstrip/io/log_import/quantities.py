@@ -67,6 +67,7 @@ _ALARM = re.compile(
 _OVER_RANGE = re.compile(
     r"\++|\+?(?:over(?:range|load)?|o\.?l\.?|ovl?d|burnout|inf)", re.IGNORECASE
 )  # of loggers
+_ANALOG_READ = re.compile(r"\banalogRead\b")  # of Arduino: it returns the converter's codes
 _BITS_TOLD = re.compile(r"\b(\d{1,2})[\s_-]?bits?\b", re.IGNORECASE)
 _UNIT_TOLD = re.compile(
     r"\b(?:units?|readings?|values?|voltages?|signals?|channels?|data|in|all|normali[sz]ed|ratiometric)\b[^\n,;]{0,16}?"
@@ -737,6 +738,9 @@ def _by_size(clues: Clues, values: FloatArray, vref: float, bits: int, volts: bo
         if len(named) == 1 and named <= set(likely):
             clues.because(f"readings are in {min(named)}, as the log says above them")
             return named.pop()
+        if "code" in likely and not (said or volts) and _ANALOG_READ.search("\n".join(clues.table.preamble)):
+            clues.because("readings are codes, for analogRead returns these")
+            return "code"
         told = {int(b) for b in _BITS_TOLD.findall("\n".join(clues.table.preamble))}
         if "code" in likely and not said and bits in told and not volts:
             clues.because(f"codes of {bits} bits, as the log says above them")

@@ -239,6 +239,12 @@ def named_values(lines: list[tuple[int, str]]) -> Table | None:
     return _gathered(parsed, dict(pointed))
 
 
+def _says_no_contact(line: str) -> bool:
+    """Return whether a line says in words that nothing touches, as in `t=3 msg="no contact"`."""
+    words = re.findall(r"\"([^\"]+)\"|[=:]\s*([A-Za-z][A-Za-z _/-]*)|((?:[A-Za-z_/-]+\s*)+)\Z", line)
+    return any(says_nothing(said.strip()) for found in words for said in found if said)
+
+
 def _pairs(found: Sequence[Item]) -> bool:
     """Return whether a line is of words and numbers in turn, such as "S3 H 512 L 300" or "S1 512/300 | S2 480/270"."""
     strips = sum(i.name.startswith("strip ") for i in found)
@@ -326,6 +332,14 @@ def _gathered(parsed: list[tuple[int, list[Item]]], texts: Mapping[int, str]) ->
         if any(labels.get(n) != f for n, f in told.items()) or any(name in record for name in fields):
             flush()
         alone = len(told) == len(fields)  # a line that only says which scan the next ones are of
+        if heading and not alone and {*heading} <= {*told} and any(told[n] != labels[n] for n in heading):
+            # The lines below have a time of their own, another one.
+            at = min(heading.values())
+            if _says_no_contact(texts[at]):
+                void.append((len(records), at, dict(labels)))
+            else:
+                strange.append(at)
+            heading = {}
         if anew := [n for n in told if n in heading and alone]:
             void.append((len(records), heading[anew[0]], dict(labels)))
             heading = {}
@@ -349,11 +363,12 @@ def _gathered(parsed: list[tuple[int, list[Item]]], texts: Mapping[int, str]) ->
         if frozenset(r) > usual and other and {*r} - set().union(*(named for _, named in other)) == usual:
             strange += [i for i, _ in other]
             records[n] = {name: f for name, f in r.items() if name in usual}
-    empty = 0
+    empty: set[int] = set()
     strips = [n for n in usual if meaning(n).role == "strip"]
     if heading:
         last = (len(records), min(heading.values()), dict(labels))
         ended = parsed[-1][0] > max(heading.values()) or (void and void[-1][0] == len(records))
+        ended = ended or _says_no_contact(texts[last[1]])
         void += [last] if ended else []  # else it may be cut
         strange += [] if ended else [last[1]]
     if void and varied:
@@ -371,7 +386,7 @@ def _gathered(parsed: list[tuple[int, list[Item]]], texts: Mapping[int, str]) ->
                 records.insert(place, dict.fromkeys(usual, "") | told | {strips[0]: shown})
                 lines.insert(place, line)
                 pieces.insert(place, [])
-                empty += 1
+                empty.add(line)
             else:
                 strange.append(line)
     if varied:  # what a line that is not understood says of its scan is not known
@@ -403,14 +418,14 @@ def _gathered(parsed: list[tuple[int, list[Item]]], texts: Mapping[int, str]) ->
     quotes = {i: texts[i].strip() for i in strange}
     if empty:
         table = replace(
-            table, remarks=(*table.remarks, f"{empty} scan(s) without a line: nothing touches in them")
+            table, remarks=(*table.remarks, f"{len(empty)} scan(s) without a line: nothing touches in them")
         )
     return replace(
         table,
         broken=tuple(sorted({*strange})),
         preamble=tuple(texts[i] for i in above),
         quotes=quotes,
-        empty=empty,
+        empty=frozenset(empty),
         varied=varied > 1,
     )
 
@@ -491,14 +506,27 @@ def of_values(
         table = _of_lists(rows)
         return table and replace(table, preamble=above)
     records, lines = [], []
-    for number, row in found:
-        for record in _exploded(row) if isinstance(row, dict) else []:
-            records.append(record)
-            lines.append(number)
+    empty: set[int] = set()
+    exploded = [(i, row, _exploded(row)) for i, row in found if isinstance(row, dict)]
+    kinds = Counter(key for _, row, _ in exploded if (key := _list_within(row)))
+    inner = kinds.most_common(1)[0][0] if kinds else ""
+    names = {n: "" for _, _, many in exploded for r in many for n in r if n.startswith(f"{inner}.")}
+    strip = [n for n in names if meaning(n).role == "strip"]
+    shown = next((r[strip[0]] for _, _, many in exploded for r in many if strip and strip[0] in r), "")
+    for number, row, many in exploded:
+        parts = _unfolded("", row)
+        if inner and shown and parts.get(inner) == []:  # nothing touches in it
+            del parts[inner]
+            many = [flattened("", parts) | names | {strip[0]: shown}]
+            empty.add(number)
+        records += many
+        lines += [number] * len(many)
     if not records:
         return None
     varied = touched_vary(records) > 1 and all(all(r.values()) for r in records)
-    return replace(of_records(records, lines, ".", told), preamble=above, varied=varied)
+    remarks = [f"{len(empty)} scan(s) with an empty list: nothing touches in them"] if empty else []
+    table = of_records(records, lines, ".", told, *remarks)
+    return replace(table, preamble=above, varied=varied, empty=frozenset(empty))
 
 
 def _of_lists(rows: Sequence[tuple[int, Any]]) -> Table | None:
@@ -593,12 +621,18 @@ def _with_names(record: Mapping[str, Any]) -> dict[str, Any]:
 def _exploded(record: Mapping[str, Any]) -> list[dict[str, str]]:
     """Return a record as rows: one, or one for each element of the only list of records that is in it."""
     record = _with_names(record)
-    parts = _unfolded("", record)
-    inner = [k for k, v in parts.items() if isinstance(v, list) and v and all(isinstance(e, dict) for e in v)]
-    if len(inner) != 1:
+    inner, parts = _list_within(record), _unfolded("", record)
+    if not inner:
         return [flattened("", dict(record))]
-    outer = flattened("", {k: v for k, v in parts.items() if k != inner[0]})
-    return [outer | flattened(inner[0], element) for element in parts[inner[0]]]
+    outer = flattened("", {k: v for k, v in parts.items() if k != inner})
+    return [outer | flattened(inner, element) for element in parts[inner]]
+
+
+def _list_within(record: Mapping[str, Any]) -> str:
+    """Return the name of the only list of records that is in a record; "" where there is none, or several."""
+    parts = _unfolded("", _with_names(record))
+    inner = [k for k, v in parts.items() if isinstance(v, list) and v and all(isinstance(e, dict) for e in v)]
+    return inner[0] if len(inner) == 1 else ""
 
 
 def _unfolded(name: str, record: Mapping[str, Any]) -> dict[str, Any]:

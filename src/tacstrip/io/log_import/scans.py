@@ -24,6 +24,7 @@ _HALF_HOUR_S = 1800.0
 _FEW_FALLS = 0.34  # of the scans: where the time falls more often, the log is unsorted
 _FEW_SCANS = 4  # of fewer, equal times tell nothing
 _LONG_AGO = 1e8  # of any unit: a time that does not count from the log's start
+_A_PERIOD = 0.97  # of the time from scan to scan: lines of one scan, each with its own time, are less apart
 _ON_PLACE = 0.05  # of the pitch: so near a strip's place is its position
 _EXPONENT = re.compile(r"(?<=\d)[.,]\d+[eE][+-]?\d+\s*\Z")  # as numpy writes whole numbers, too
 
@@ -210,6 +211,7 @@ def _scans(
     scan: LogScan | None = None
     seen: dict[tuple[int, int], int] = {}
     count, last, ended = -1, 0, 0
+    period = _A_PERIOD * _period(times, strips) if times is not None and strips else np.inf
 
     def closed(scan: LogScan, until: float) -> Iterator[LogScan]:
         per_line = mapping.strip or mapping.which
@@ -225,12 +227,15 @@ def _scans(
         ]
         again = any((strip, end) in seen for _, _, strip, end in targets)
         twice = again and strips and mapping.strips > 1 and strips[n] == strips[last] and len(seen) > 1
-        if number is not None and scan is not None:
+        if scan is not None and not table.empty.isdisjoint((line, table.lines[last])):
+            new = True
+        elif number is not None and scan is not None:
             new = number[n] != number[last]
         elif twice and times is not None and times[n] == times[last] and not which:
             new = False
         elif times is not None and scan is not None and strips and not again:
-            new = bool(times[n] != times[last]) and strips[n] <= strips[last] and not which
+            later = strips[n] <= strips[last] or times[n] - times[last] > period
+            new = bool(times[n] != times[last]) and later and not which
         else:
             new = scan is None or again
         if new:
@@ -261,6 +266,16 @@ def _scans(
         last = n
     if scan is not None:
         yield from closed(scan, np.inf)
+
+
+def _period(times: FloatArray, strips: list[int]) -> float:
+    """Return the usual time from one line of a strip to its next; inf where no strip has two times."""
+    at: dict[int, float] = {}
+    steps = []
+    for time, strip in zip(times.tolist(), strips, strict=True):
+        steps += [time - at[strip]] if at.get(strip, time) < time else []
+        at[strip] = time
+    return float(np.median(steps)) if steps else np.inf
 
 
 def _full(bits: int) -> float:

@@ -19,6 +19,7 @@ from tacstrip.io.log_import.names import READING_UNITS, UNITS, meaning, meanings
 GARBLED = "\ufffd"  # for what a board wrote as it was reset
 CLOCK = "time stamp"  # the column of what a serial monitor or a logger puts before each line
 ROW = "line of its block"  # where blocks of as many lines follow each other
+_MOST_VOLTS = 100.0  # no Vref has more
 _TALLEST_HEADER = 5
 _STATISTICS = frozenset(
     {"mean", "average", "avg", "mittel", "mittelwert", "moyenne", "media", "promedio", "mw", "min", "minimum", "max"}
@@ -70,7 +71,7 @@ class Table:
     quotes
         What stands on broken lines, as far as that is known.
     empty
-        Rows that stand for scans without a line.
+        Lines of rows that stand for scans in which nothing touches; each row is a scan of its own.
     retries
         The tables that the log would be without its stray lines, the fewest set aside first.
     refused
@@ -95,7 +96,7 @@ class Table:
     preamble: tuple[str, ...] = ()
     absent: int = 0
     quotes: Mapping[int, str] = field(default_factory=dict)
-    empty: int = 0
+    empty: frozenset[int] = frozenset()
     retries: Callable[[], Iterator[Table]] = field(default=lambda: iter(()), repr=False, compare=False)
     refused: ReadingError | None = None
     doubts: tuple[str, ...] = ()
@@ -203,6 +204,7 @@ def said_above(values: Mapping[str, Any]) -> tuple[str, ...]:
     ('fs: 20 Hz', 'bits: 12 bits', 'vref: 3300 mV', 'unit: mV')
     """
     told: list[str] = []
+    milli = any(re.fullmatch("units?", k, re.IGNORECASE) and v == "mV" for k, v in values.items())
     for key, value in values.items():
         if isinstance(value, Mapping):
             told += said_above(value)
@@ -211,6 +213,8 @@ def said_above(values: Mapping[str, Any]) -> tuple[str, ...]:
             unit = _SAID_IN.get(last.casefold() if name else "", "")
             name = name if unit else key
             unit = unit or next((u for words, u in _SAID if re.fullmatch(words, key, re.IGNORECASE)), "")
+            if milli and unit == "V" and isinstance(value, int | float) and value > _MOST_VOLTS:
+                unit = "mV"  # as the unit beside it says
             told.append(f"{name}: {value} {unit if isinstance(value, int | float) else ''}".rstrip())
     return tuple(told)
 

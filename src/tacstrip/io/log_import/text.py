@@ -26,6 +26,7 @@ from tacstrip.io.log_import.delimiters import (
 from tacstrip.io.log_import.dialects import of_dialect, of_displayed_scans, plain_rows
 from tacstrip.io.log_import.fields import STAMP, clock_seconds, is_value, number_of, says_nothing
 from tacstrip.io.log_import.groups import of_groups
+from tacstrip.io.log_import.labels import with_labels
 from tacstrip.io.log_import.literals import one_page, unwrapped
 from tacstrip.io.log_import.names import OTHER_SCRIPT, meaning, meanings, pair_of
 from tacstrip.io.log_import.records import STEADY, Item, is_label, items, named_values, of_literals
@@ -180,7 +181,7 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     text, others = without_other_series(text)
     bounded = "what stands behind \u00b1: no readings, passed over" if bounds > 1 else ""
     messages = "; ".join(filter(None, [messages, others, bounded]))
-    text = _of_two_lines(of_sent(without_prefix(text)))
+    text = with_labels(_of_two_lines(of_sent(without_prefix(text))))
     if (table := of_literals(text, path) or of_dialect(text, str(path))) is not None:
         return in_normal_form(replace(table, remarks=(*filter(None, [messages]), *table.remarks)))
     # The empty lines in between tell where blocks begin.
@@ -811,8 +812,10 @@ def _in_blocks(table: Table, labels: dict[int, list[Item]], blank: set[int]) -> 
     """Return a table with what the lines between its blocks say as columns, and each line's place in its block."""
     if not table.rows:
         return table
+    if labels:
+        table = _with_empty_blocks(table, labels)
     marks = sorted(labels) if labels else sorted(i for i in blank if table.lines[0] < i < table.lines[-1])
-    blocks = [bisect.bisect_left(marks, line) for line in table.lines]
+    blocks = [bisect.bisect_right(marks, line) for line in table.lines]
     sizes = Counter(blocks)
     rows, names = table.rows, table.names
     if labels:
@@ -821,7 +824,7 @@ def _in_blocks(table: Table, labels: dict[int, list[Item]], blank: set[int]) -> 
         pending = iter(sorted(labels))
         following = next(pending, None)
         for line in table.lines:
-            while following is not None and following < line:
+            while following is not None and following <= line:
                 state |= {item.name: item.values[0].replace(".", table.decimal) for item in labels[following]}
                 following = next(pending, None)
             columns.append(list(state.values()))
@@ -843,6 +846,32 @@ def _in_blocks(table: Table, labels: dict[int, list[Item]], blank: set[int]) -> 
         return table
     told = f"{len(sizes)} blocks" + (f", each below its {' and '.join(keys)}" if labels else "")
     return replace(table, names=names, rows=rows, remarks=(*table.remarks, told))
+
+
+def _with_empty_blocks(table: Table, labels: dict[int, list[Item]]) -> Table:
+    """Return a table with a row for each scan, or time, below which nothing stands before the next."""
+    heading: dict[str, int] = {}  # labels below which no row has come yet, and their lines
+    void = []
+    for line in sorted([*labels, *table.lines]):
+        named = {i.name for i in labels.get(line, []) if meaning(i.name).role in ("scan", "time")}
+        if line not in labels or named & {*heading}:
+            void += [min(heading.values())] if line in labels else []
+            heading = {}
+        heading |= dict.fromkeys(named, line)
+    strips = [n for n, m in meanings(table.names).items() if m.role == "strip"]
+    cut = [min(heading.values())] if heading else []  # the last: what stood below it may be cut
+    if void and len(strips) != 1:
+        void, cut = [], [*void, *cut]
+    if not void:
+        return replace(table, broken=(*table.broken, *cut))
+    place = table.places[strips[0]]
+    nothing = [table.rows[0][n] if n == place else "" for n in range(len(table.names))]
+    both = sorted([*zip(table.lines, table.rows, strict=True), *((line, nothing) for line in void)])
+    told = f"{len(void)} block(s) without a line: nothing touches in them"
+    return replace(
+        table, rows=[row for _, row in both], lines=[i for i, _ in both], remarks=(*table.remarks, told),
+        broken=(*table.broken, *cut), empty=table.empty | {*void},
+    )  # fmt: skip
 
 
 def _scans_of(table: Table, blocks: list[int]) -> bool:
