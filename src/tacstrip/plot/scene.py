@@ -27,6 +27,7 @@ _MOST_STRIPS = 120  # more are drawn as one area
 _TICK_INCH, _DIGIT_INCH = 0.1, 0.08  # between two strips' numbers, at least
 _MOST_MARKED = 150  # touched strips that have a marker each
 _MEANT = {"kh": "upper end", "kl": "lower end", "k": "metal sheet"}
+_MOST_NAMED = 8  # objects with an entry of their own in the legend
 
 
 def draw_sensor(axes: Axes, sensor: Sensor) -> None:
@@ -223,9 +224,6 @@ def neighbourhood(
         (max(low[0] - margin, -sensor.pitch_mm), min(high[0] + margin, sensor.width_mm + sensor.pitch_mm)),
         (low[1] - margin, high[1] + margin),
     )
-
-
-_MOST_NAMED = 8  # objects with an entry of their own in the legend
 
 
 @dataclass(frozen=True)

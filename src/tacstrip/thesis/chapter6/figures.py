@@ -38,6 +38,8 @@ _TUBE = "Cyl-CRS-M"
 _RUBBER = "#b9b09b"
 _VOLT_NAMES = {"kh": "$V_h$", "kl": "$V_l$", "k": "$V_{out}$"}
 _ELEVATION = 22.0  # of the eye above the tube's middle [degrees]
+_CALIBRATED = "calibration graphs of the {} twin's first strip, w = {} units"
+_RAW_PROFILES = {"6.18": "6.17", "6.20": "6.19", "6.22": "6.21"}
 
 
 def figure_6_1() -> Figure:
@@ -186,7 +188,6 @@ _GRAPHS = {
 _POLYGON = OTHERS[3]
 _BY_FIGURE = {e.figure: e for e in experiments()}
 # Profiles of readings that were not calibrated; no figures are printed for them.
-_RAW_PROFILES = {"6.18": "6.17", "6.20": "6.19", "6.22": "6.21"}
 RECOVERIES: dict[str, Experiment] = _BY_FIGURE | {
     raw: replace(_BY_FIGURE[good], figure=raw, calibrated=False, printed={})
     for raw, good in _RAW_PROFILES.items()
@@ -301,7 +302,6 @@ def _name_axes(axes: Axes, name: str) -> None:
     axes.set(xlabel="x [mm]", ylabel=f"${SIGNATURES[name].symbol}$, over Vref")
 
 
-_CALIBRATED = "calibration graphs of the {} twin's first strip, w = {} units"
 FIGURES = by_number(globals())
 FIGURES |= {f: captioned(_CALIBRATED.format(*what), calibration_graph, *what) for f, what in _GRAPHS.items()}
 FIGURES |= {f: captioned(_caption(f), recovery, f) for f in RECOVERIES}
