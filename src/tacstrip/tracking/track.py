@@ -33,11 +33,12 @@ from tacstrip.tracking.rigid.corners import Fit, posed, reflex
 from tacstrip.tracking.rigid.covariance import covariances, following, information
 from tacstrip.tracking.rigid.offsets import not_ruled_out, taken_off, with_offsets
 from tacstrip.tracking.rigid.posterior import scatter
-from tacstrip.tracking.rigid.rivals import beside_rivals
+from tacstrip.tracking.rigid.rivals import beside_rivals, poses_beside_rivals
 from tacstrip.tracking.rigid.search import (
     FEW_STRIPS,
     LEAST_STRIPS,
     Found,
+    compared_again,
     content,
     counted_among_followers,
     freer_spline,
@@ -516,13 +517,13 @@ def searched(
 def _with_stretches(one: Object, start: Episode, left: list[Episode], read: Readings) -> Object:
     """Return the object with those of other stretches that its shape explains, which are taken away."""
     others = (e for e in start.group if e is not start and set(e.scans) & set(one.shown))
-    one = replace(one, alike=any(_recognise(one, e, read) is not None for e in others))
+    one = joined = replace(one, alike=any(_recognise(one, e, read) is not None for e in others))
     for other in list(left):
-        again = None if set(other.scans) & set(one.shown) else _recognise(one, other, read)
+        again = None if set(other.scans) & set(joined.shown) else _recognise(joined, other, read)
         if again is not None:
-            one = again
+            joined = again
             left.remove(other)
-    return one
+    return one if joined is one else _counted_again(joined, one.found, read)
 
 
 def _recognise(one: Object, other: Episode, read: Readings) -> Object | None:
@@ -534,19 +535,33 @@ def _recognise(one: Object, other: Episode, read: Readings) -> Object | None:
     if fit is None:
         return None
     every = replace(one.scans, k=np.concatenate([one.scans.k, more.k]))
-    few, kept = one.scans.of(one.found.chosen), []
-    for rival, worse in one.found.rivals if one.found.spread_mm > _TOLD * one.scans.sensor.pitch_mm else ():
-        if recognised(few, rival, more, read.distribution) is not None:
-            kept.append((rival, worse))
-    found = replace(one.found, fit=fit, rivals=tuple(kept))
     return replace(
         one,
         shown=one.shown + other.scans,
         joint=one.joint + other.joint,
         runs=one.runs + other.runs,
         scans=every,
-        found=found,
+        found=replace(one.found, fit=fit),
     )
+
+
+def _counted_again(one: Object, before: Found, read: Readings) -> Object:
+    """Return an object of several stretches with its corners counted over all of them, and what rivals remain.
+
+    `before`: what was found of the first.
+    """
+    order = np.argsort(one.shown)
+    scans, fit = one.scans.of(order), one.found.fit
+    fit = replace(fit, poses=fit.poses[order], costs=fit.costs[order])
+    few = np.unique(np.linspace(0, len(order) - 1, min(len(order), MOST)).astype(int))
+    some = scans.of(few)
+    begun = replace(fit, poses=fit.poses[few], costs=fit.costs[few])
+    found = compared_again(some, before, begun, read.distribution)
+    found = replace(counted_among_followers(some, found, read.distribution), chosen=few, offsets=before.offsets)
+    if len(few) < len(order):
+        found = replace(found, fit=posed(scans, replace(fit, corners=found.fit.corners)))
+    shown, runs = [one.shown[i] for i in order], [one.runs[i] for i in order]
+    return replace(one, shown=shown, runs=runs, scans=scans, found=found)
 
 
 def _together(
@@ -688,6 +703,7 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
     shape, of_poses = covariances(equations, corners, fit.poses, freer_spline(fit.basis))
     order = np.argsort(one.shown)
     wider = following(one.scans.of(order), corners, fit.poses[order])
+    of_poses = poses_beside_rivals(one.scans, one.found, of_poses)
     shape = wider**2 * beside_rivals(one.scans, one.found, shape, deviation)
     all_spin = np.kron(np.eye(len(corners)), spin.T)
     shape = np.asarray(all_spin @ shape @ all_spin.T)

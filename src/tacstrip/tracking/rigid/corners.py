@@ -153,11 +153,8 @@ def unstuck(scans: RigidScans, fit: Fit) -> Fit:
 
     A scan's pose may rest where a corner is on the wrong side of a strip; one such scan keeps the outline wrong.
     """
-    radius = float(np.hypot(*(fit.corners - fit.corners.mean(axis=0)).T).max())
-    far = _AROUND * scans.sensor.pitch_mm * np.array([1.0, 1.0, 1.5 / radius])
     for _ in range(_ROUNDS if fit.basis is None else 0):
-        starts = fit.poses[:, None] + np.concatenate([jiggles(scans.sensor.pitch_mm), far])
-        poses, costs = _best(*fit_poses(scans, fit.corners, starts, loss(scans)), 1)
+        poses, costs = _best(*poses_around(scans, fit), 1)
         if not costs.sum() < fit.cost - 0.5:
             break
         new = settled(scans, fitted(scans, fit.corners, poses[:, 0], 15), 2)
@@ -165,6 +162,14 @@ def unstuck(scans: RigidScans, fit: Fit) -> Fit:
             break
         fit = new
     return fit
+
+
+def poses_around(scans: RigidScans, fit: Fit) -> tuple[FloatArray, FloatArray]:
+    """Return where descents of single poses end, from about where they are and farther away (T, K, 3), and costs (T, K)."""
+    radius = float(np.hypot(*(fit.corners - fit.corners.mean(axis=0)).T).max())
+    far = _AROUND * scans.sensor.pitch_mm * np.array([1.0, 1.0, 1.5 / radius])
+    starts = fit.poses[:, None] + np.concatenate([jiggles(scans.sensor.pitch_mm), far])
+    return fit_poses(scans, fit.corners, starts, loss(scans))
 
 
 def recounted(scans: RigidScans, fit: Fit) -> tuple[Fit, list[Fit]]:

@@ -8,9 +8,14 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.core.rigid import RigidScans
+from tacstrip.geometry.pose import placed
+from tacstrip.tracking.rigid.corners import Fit, poses_around
 from tacstrip.tracking.rigid.covariance import covariances, information, rigid_motions
 from tacstrip.tracking.rigid.offsets import with_offsets
 from tacstrip.tracking.rigid.search import Found
+
+_ANOTHER = 0.5  # squared deviations from the others: a place of its own where a pose may rest
+_TURNED = 0.5  # radians: a rival is not another pose, but another corner called the first
 
 
 def beside_rivals(scans: RigidScans, found: Found, shape: FloatArray, deviation: float) -> FloatArray:
@@ -37,6 +42,57 @@ def beside_rivals(scans: RigidScans, found: Found, shape: FloatArray, deviation:
     motions = rigid_motions(own)  # moved and turned as a whole it is the same shape
     inner = np.eye(own.size) - motions @ np.linalg.pinv(motions)
     return np.asarray(inner @ summed @ inner.T / total)
+
+
+def poses_beside_rivals(scans: RigidScans, found: Found, covariances: FloatArray) -> FloatArray:
+    """Return covariances (T, 3, 3) of the fit's poses, `covariances` where the readings leave each but one place.
+
+    Likewise of mixtures: about where else a scan's pose may rest, beside a kink where a corner passes a strip, and
+    about the poses of rivals.
+    """
+    fit = found.fit
+    if fit.basis is not None:
+        return covariances
+    total, summed = np.ones(len(fit.poses)), np.zeros_like(covariances)
+    known = information(scans, fit.corners, fit.poses).pose
+    off, worse = _other_rests(scans, fit)
+    kept = [np.zeros_like(fit.poses)]
+    for theirs, by in zip(off.transpose(1, 0, 2), worse.T, strict=True):
+        apart = [np.einsum("ti,tij,tj->t", theirs - k, known, theirs - k) > _ANOTHER for k in kept]
+        odds = np.where(np.all(apart, axis=0), np.exp(-0.5 * np.maximum(by, 0.0)), 0.0)
+        kept.append(np.where(odds[:, None] > 0.0, theirs, 0.0))
+        total, summed = total + odds, summed + odds[:, None, None] * _squares(theirs)
+    every = covariances + summed / total[:, None, None]
+    own, middle = fit.corners - fit.corners.mean(axis=0), fit.corners.mean(axis=0)
+    sum_of_odds, summed = 1.0, np.zeros_like(covariances)
+    for rival, worse_by in found.rivals:
+        if rival.corners.shape != own.shape or len(rival.poses) != len(fit.poses) or rival.basis is not None:
+            continue
+        turn = _onto(rival.corners, own)[1]
+        origin = rival.corners.mean(axis=0) - middle @ turn  # the fit's, in the rival's frame
+        there = np.array([placed(origin[None], pose)[0] for pose in rival.poses])
+        angle = rival.poses[:, 2] - math.atan2(turn[1, 0], turn[0, 0]) - fit.poses[:, 2]
+        step = np.column_stack([there - fit.poses[:, :2], np.angle(np.exp(1j * angle))])
+        if np.median(np.abs(step[:, 2])) > _TURNED:  # the same outline, turned onto itself
+            continue
+        odds = math.exp(-0.5 * max(worse_by, 0.0))
+        sum_of_odds, summed = sum_of_odds + odds, summed + odds * _squares(step)
+    return np.asarray(every + summed / sum_of_odds)
+
+
+def _other_rests(scans: RigidScans, fit: Fit) -> tuple[FloatArray, FloatArray]:
+    """Return how far off descents of single poses end, from about where they are (T, K, 3), and what more that costs.
+
+    The best first (T, K).
+    """
+    poses, costs = poses_around(scans, fit)
+    order = np.argsort(costs, axis=1, kind="stable")
+    rows = np.arange(len(costs))[:, None]
+    return poses[rows, order] - fit.poses[:, None], costs[rows, order] - fit.costs[:, None]
+
+
+def _squares(steps: FloatArray) -> FloatArray:
+    return np.asarray(steps[:, :, None] * steps[:, None, :])
 
 
 def _onto(corners: FloatArray, to: FloatArray) -> tuple[int, FloatArray, FloatArray]:

@@ -259,9 +259,12 @@ def search(
     def explained(one: Found) -> bool:
         return content(taken_off(scans, one.offsets), one.fit, distribution)
 
+    def without_path() -> Found:
+        return free or replace(_compared(scans, [_without_path(scans)], distribution), starts=starts)
+
     if found is None:
         if erratic:
-            free = Found(_without_path(scans), np.arange(len(scans.k)), starts=starts)
+            free = without_path()
             if explained(free):
                 return free
         turns = starts.best(_TURNS, _KEPT)
@@ -275,9 +278,6 @@ def search(
 
     def on_more_turns() -> Found:
         return _with_offsets(starts, starts.best(_FINE_TURNS, 2 * _KEPT), distribution, offsets)
-
-    def without_path() -> Found:
-        return free or Found(_without_path(scans), np.arange(len(scans.k)), starts=starts)
 
     if not round_and_round and not erratic:
         ways = [on_more_turns]
@@ -473,6 +473,12 @@ def _compared(scans: RigidScans, fits: list[Fit], distribution: str) -> Found:
     return Found(best, np.arange(len(scans.k)), tuple(rivals))
 
 
+def compared_again(scans: RigidScans, found: Found, fit: Fit, distribution: str) -> Found:
+    """Return what was found of some scans as of these and more, about a fit of all: counted and compared anew."""
+    others = [settled(scans, fitted(scans, corners, fit.poses)) for corners, _ in found.others]
+    return _compared(scans, [unstuck(scans, fit), *others], distribution)
+
+
 def _on_the_best_spline(scans: RigidScans, chosen: IntArray, fits: list[Fit]) -> list[Fit]:
     """Return the fits that may be right on splines of as many knots as the readings ask for, the best first."""
     few, best, worse = scans.of(chosen), fits[0], 0
@@ -564,8 +570,7 @@ def _without_path(scans: RigidScans) -> Fit:
     if len(chosen) < total:
         poses = poses_all_round(scans, best.corners, 0.05 * scans.sensor.pitch_mm)[0][:, 0]
         best = settled(scans, fitted(scans, best.corners, poses))
-    hopeless = best.cost > _WORTH_SETTLING * best.freedom(scans)
-    return best if hopeless else recounted(scans, unstuck(scans, best))[0]
+    return best if best.cost > _WORTH_SETTLING * best.freedom(scans) else unstuck(scans, best)
 
 
 def _wrapped(poses: FloatArray) -> FloatArray:
@@ -617,5 +622,11 @@ def recognised(known: RigidScans, fit: Fit, scans: RigidScans, distribution: str
     together = replace(known, k=np.concatenate([known.k, scans.k]))
     joint = fitted(together, fit.corners, np.concatenate([fit.poses, best]), 10, cauchy=5.0)
     joint = settled(together, rescued(together, fitted(together, joint.corners, joint.poses)))
-    part = Fit(joint.corners, joint.poses[-last:], joint.costs[-last:])
-    return joint if content(scans, part, distribution) and content(together, joint, distribution) else None
+    for fit in (joint, None):
+        if fit is None:  # what too few scans told may have had a corner too few
+            near = joint.cost < _WORTH_SETTLING * joint.freedom(together)
+            fit = recounted(together, unstuck(together, joint))[0] if near else joint
+        part = Fit(fit.corners, fit.poses[-last:], fit.costs[-last:])
+        if content(scans, part, distribution) and content(together, fit, distribution):
+            return fit
+    return None
