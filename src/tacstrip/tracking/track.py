@@ -308,7 +308,8 @@ def track(scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None) -> 
             unlike.append(one)
             tried[id(one)] = seen
         else:
-            objects.append(_with_stretches(seen, one, left, readings))
+            new = _with_stretches(seen, one, left, readings)
+            objects = _explained_too(new, objects, readings)
     objects, unlike = _together(objects, unlike, stretches, readings)
     tracks: list[tuple[int, Track]] = []
     while unlike:
@@ -524,6 +525,16 @@ def _with_stretches(one: Object, start: Episode, left: list[Episode], read: Read
             joined = again
             left.remove(other)
     return one if joined is one else _counted_again(joined, one.found, read)
+
+
+def _explained_too(new: Object, objects: list[Object], read: Readings) -> list[Object]:
+    """Return the objects and a new one, which takes in those that its shape explains: theirs were too little told."""
+    kept, joined = list[Object](), new
+    for other in objects:
+        apart = not (set(other.shown) & set(joined.shown) or other.joint or joined.joint)
+        again = _recognise(joined, Episode(other.shown, other.runs), read) if apart else None
+        joined, kept = (joined, [*kept, other]) if again is None else (again, kept)
+    return [*kept, new if joined is new else _counted_again(joined, new.found, read)]
 
 
 def _recognise(one: Object, other: Episode, read: Readings) -> Object | None:
