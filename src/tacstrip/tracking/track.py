@@ -29,11 +29,11 @@ from tacstrip.sensor.constructions import check_closed_form
 from tacstrip.sensor.left_out import left_out_wholly
 from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.episodes import Episode, episodes, only, spanned
-from tacstrip.tracking.rigid.corners import Fit, posed, reflex
+from tacstrip.tracking.rigid.corners import FIRST, Fit, posed, reflex
 from tacstrip.tracking.rigid.covariance import covariances, following, information
 from tacstrip.tracking.rigid.offsets import not_ruled_out, taken_off, with_offsets
 from tacstrip.tracking.rigid.posterior import scatter
-from tacstrip.tracking.rigid.rivals import beside_rivals, poses_beside_rivals
+from tacstrip.tracking.rigid.rivals import beside_rivals, poses_beside_rivals, with_a_corner_cut
 from tacstrip.tracking.rigid.search import (
     FEW_STRIPS,
     LEAST_STRIPS,
@@ -751,6 +751,8 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
         told, advice = False, _LOOSE.format(far=_DEVIATIONS * loosest)
     elif not advice and (other := one.found.of_other_count(_COUNTED * sensor.pitch_mm)):
         told, advice = False, _COUNT.format(n=other)
+    elif not advice and _may_be_cut(one):
+        told, advice = False, _COUNT.format(n=len(outline) + 1)
     elif not advice:
         tied = fit.basis is not None and few
         wander = [_WANDERS.format(times=wider)] * (wider > 1.0)
@@ -767,6 +769,20 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
         0, outline, shape, poses, spreads, np.empty(0), np.empty(0), status, advice or note, () if told else others,
         joint, _motion(fit), _offsets(one, skin), alone,
     )  # fmt: skip
+
+
+def _may_be_cut(one: Object) -> bool:
+    """Whether scans of few strips or one signature leave open that a corner is two."""
+    fit, chosen = one.found.fit, one.found.chosen
+    few = one.scans.strips_touched < FEW_STRIPS or len(one.scans.read) == 1
+    if not few or len(fit.corners) + 1 >= FIRST or reflex(fit.corners).any():
+        return False
+    if len(chosen) < len(fit.poses):
+        if fit.basis is not None:
+            return False
+        fit = replace(fit, poses=fit.poses[chosen], costs=fit.costs[chosen])
+    some = one.scans.of(chosen)
+    return with_a_corner_cut(some, replace(one.found, fit=fit), _COUNTED * some.sensor.pitch_mm)
 
 
 def _reframed(

@@ -338,6 +338,15 @@ def _along_the_open(scans: RigidScans, fit: Fit) -> list[FloatArray]:
     ]
 
 
+def edges_and_turns(corners: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the lengths of an outline's edges (N,), and by how much it turns at corners, below 0 inwards [rad] (N,)."""
+    edge = np.roll(corners, -1, axis=0) - corners
+    heading = np.arctan2(edge[:, 1], edge[:, 0])
+    x, y = corners.T
+    way = np.sign((x * np.roll(y, -1) - np.roll(x, -1) * y).sum())
+    return np.hypot(*edge.T), way * _within_half(heading - np.roll(heading, 1), 2.0 * np.pi)
+
+
 def reflex(corners: FloatArray) -> BoolArray:
     """Return which corners of an outline turn inwards (N,)."""
     before, after = corners - np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0) - corners

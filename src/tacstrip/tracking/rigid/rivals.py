@@ -5,16 +5,20 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import shapely
 
 from tacstrip.arrays import FloatArray
 from tacstrip.core.rigid import RigidScans
 from tacstrip.geometry.pose import placed
-from tacstrip.tracking.rigid.corners import Fit, poses_around
+from tacstrip.tracking.rigid.corners import Fit, edges_and_turns, fitted, poses_around, settled
 from tacstrip.tracking.rigid.covariance import covariances, information, rigid_motions
 from tacstrip.tracking.rigid.offsets import with_offsets
-from tacstrip.tracking.rigid.search import Found
+from tacstrip.tracking.rigid.search import Found, carried
 
 _ANOTHER = 0.5  # squared deviations from the others: a place of its own where a pose may rest
+# Of the edges beside a corner, how much is cut off at first; steps of each descent, and how many are settled.
+_CUT, _STEPS, _SETTLED = 0.3, 10, 3
+_CLEAR_EDGE, _CLEAR_TURN = 0.12, 0.26  # of the extent, and radians: edges and corners that stand for themselves
 _TURNED = 0.5  # radians: a rival is not another pose, but another corner called the first
 
 
@@ -78,6 +82,29 @@ def poses_beside_rivals(scans: RigidScans, found: Found, covariances: FloatArray
         odds = math.exp(-0.5 * max(worse_by, 0.0))
         sum_of_odds, summed = sum_of_odds + odds, summed + odds * _squares(step)
     return np.asarray(every + summed / sum_of_odds)
+
+
+def with_a_corner_cut(scans: RigidScans, found: Found, least_mm: float) -> bool:
+    """Return whether an outline of which one corner is cut off by an edge explains the scans no worse than the fit.
+
+    One of clear corners that is off by so much. The criterion prefers fewer corners by far more than such an edge may
+    gain where few readings meet it: it tells which outline is simpler, not that there is no edge.
+    """
+    fit, tries = found.fit, list[Fit]()
+    for i, here in enumerate(fit.corners):
+        ends = here + _CUT * (fit.corners[[i - 1, (i + 1) % len(fit.corners)]] - here)
+        cut = np.concatenate([fit.corners[:i], ends, fit.corners[i + 1 :]])
+        tries.append(fitted(scans, cut, fit.poses, _STEPS, basis=fit.basis))
+    size, own = float(np.ptp(fit.corners, axis=0).max()), shapely.Polygon(fit.corners).buffer(0)
+    for near in sorted(tries, key=lambda f: f.cost)[:_SETTLED]:
+        cut_off = settled(scans, near, 2)
+        edges, turns = edges_and_turns(cut_off.corners)
+        clear = edges.min() > _CLEAR_EDGE * size and turns.min() > _CLEAR_TURN
+        if clear and cut_off.cost <= fit.cost:
+            there = shapely.Polygon(carried(cut_off, fit.poses)).buffer(0)
+            if there.hausdorff_distance(own) > least_mm:
+                return True
+    return False
 
 
 def _other_rests(scans: RigidScans, fit: Fit) -> tuple[FloatArray, FloatArray]:

@@ -109,7 +109,7 @@ class Found:
         """The rivals' corners in the fit's frame, each with its weight against all others, the fit's included."""
         odds = [math.exp(-0.5 * max(worse, 0.0)) for _, worse in self.rivals]
         total, poses = 1.0 + sum(odds), self.fit.poses[self.chosen]
-        return [(_carried(fit, poses), one / total) for (fit, _), one in zip(self.rivals, odds, strict=True)]
+        return [(carried(fit, poses), one / total) for (fit, _), one in zip(self.rivals, odds, strict=True)]
 
     @property
     def spread_mm(self) -> float:
@@ -147,7 +147,7 @@ class Found:
         return 0
 
 
-def _carried(rival: Fit, poses: FloatArray) -> FloatArray:
+def carried(rival: Fit, poses: FloatArray) -> FloatArray:
     """Return a rival's corners as the frame has them whose poses in the same scans are these, in the median."""
     turns = np.angle(np.exp(1j * (rival.poses[:, 2] - poses[:, 2])))
     turn = turns[0] + np.median(np.angle(np.exp(1j * (turns - turns[0]))))
@@ -511,7 +511,7 @@ def _same(a: Fit, b: Fit) -> bool:
     """Whether two fits of the same scans have one outline."""
     if len(a.corners) != len(b.corners):
         return False
-    p, q = (shapely.Polygon(o).buffer(0) for o in (_carried(a, b.poses), b.corners))
+    p, q = (shapely.Polygon(o).buffer(0) for o in (carried(a, b.poses), b.corners))
     return bool(p.hausdorff_distance(q) < _ALIKE * math.sqrt(q.area))
 
 
