@@ -43,7 +43,7 @@ _FREER = 2  # steps up these: the freedom that errors allow the motion
 _NEAR = 6  # fits that are tried on the best of them
 LEAST_STRIPS = 3  # that a scan touches: fewer tell hardly more than a pose
 FEW_STRIPS = 12  # that read an outline at few places, the same ones as long as it does not move across them
-_KEPT = 3  # paths that are made polygons of
+_KEPT, _KEPT_TIED = 3, 8  # paths that are made polygons of; of one signature of few strips
 _FEW_A_SCAN = (
     6  # strips: scans that touch fewer explain one another at many wrong turns, so that all are tried
 )
@@ -269,7 +269,8 @@ def search(
                 return free
         turns = starts.best(_TURNS, _KEPT)
         if needs_smooth_motion(scans):
-            found = _with_offsets(starts, turns, distribution, offsets, tied=True)
+            some = starts.best(_TURNS, _KEPT_TIED) if scans.strips_touched < FEW_STRIPS else turns
+            found = _with_offsets(starts, some, distribution, offsets, tied=True)
             if explained(found):
                 return found
         found = _with_offsets(starts, turns, distribution, offsets)
