@@ -568,7 +568,9 @@ def _counted_again(one: Object, before: Found, read: Readings) -> Object:
     some = scans.of(few)
     begun = replace(fit, poses=fit.poses[few], costs=fit.costs[few])
     found = compared_again(some, before, begun, read.distribution)
-    found = replace(counted_among_followers(some, found, read.distribution), chosen=few, offsets=before.offsets)
+    found = replace(
+        counted_among_followers(some, found, read.distribution), chosen=few, offsets=before.offsets
+    )
     if len(few) < len(order):
         found = replace(found, fit=posed(scans, replace(fit, corners=found.fit.corners)))
     shown, runs = [one.shown[i] for i in order], [one.runs[i] for i in order]
@@ -751,8 +753,8 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
         told, advice = False, _LOOSE.format(far=_DEVIATIONS * loosest)
     elif not advice and (other := one.found.of_other_count(_COUNTED * sensor.pitch_mm)):
         told, advice = False, _COUNT.format(n=other)
-    elif not advice and _may_be_cut(one):
-        told, advice = False, _COUNT.format(n=len(outline) + 1)
+    elif not advice and (cut := _with_a_corner_cut(one)):
+        told, advice, one = False, _COUNT.format(n=len(outline) + 1), cut
     elif not advice:
         tied = fit.basis is not None and few
         wander = [_WANDERS.format(times=wider)] * (wider > 1.0)
@@ -771,18 +773,19 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
     )  # fmt: skip
 
 
-def _may_be_cut(one: Object) -> bool:
-    """Whether scans of few strips or one signature leave open that a corner is two."""
+def _with_a_corner_cut(one: Object) -> Object | None:
+    """Return the object with the rival of which a corner is two, where few strips or one signature allow that."""
     fit, chosen = one.found.fit, one.found.chosen
     few = one.scans.strips_touched < FEW_STRIPS or len(one.scans.read) == 1
-    if not few or len(fit.corners) + 1 >= FIRST or reflex(fit.corners).any():
-        return False
-    if len(chosen) < len(fit.poses):
-        if fit.basis is not None:
-            return False
-        fit = replace(fit, poses=fit.poses[chosen], costs=fit.costs[chosen])
-    some = one.scans.of(chosen)
-    return with_a_corner_cut(some, replace(one.found, fit=fit), _COUNTED * some.sensor.pitch_mm)
+    part = fit.basis is not None and len(chosen) < len(fit.poses)
+    if not few or part or len(fit.corners) + 1 >= FIRST or reflex(fit.corners).any():
+        return None
+    some, fit = one.scans.of(chosen), replace(fit, poses=fit.poses[chosen], costs=fit.costs[chosen])
+    cut = with_a_corner_cut(some, fit, _COUNTED * some.sensor.pitch_mm)
+    if cut is None:
+        return None
+    rival = (cut, cut.criterion(some) - fit.criterion(some))
+    return replace(one, found=replace(one.found, rivals=(*one.found.rivals, rival)))
 
 
 def _reframed(

@@ -24,6 +24,7 @@ _JIGGLES = np.array([(0, 0, 0), (0.5, 0, 0.02), (-0.5, 0, -0.02), (0, 0.5, -0.03
 _AROUND = 0.1 * np.vstack([2.0 * np.eye(3), -2.0 * np.eye(3), np.indices((2, 2, 2)).reshape(3, -1).T * 2 - 1])
 _ROUNDS = 4
 _SHARES, _BENT = (0.25, 0.75), 0.03  # of an edge: where a corner more may be, and how far outside it begins
+_CUT = 0.3  # of the edges beside a corner that is cut off
 _BAD, _SPREAD = 6.0, 5.0  # chi square of a scan beyond its readings, and times its deviation
 _EXPLORED, _BEST, _SETTLED = (
     5,
@@ -165,7 +166,7 @@ def unstuck(scans: RigidScans, fit: Fit) -> Fit:
 
 
 def poses_around(scans: RigidScans, fit: Fit) -> tuple[FloatArray, FloatArray]:
-    """Return where descents of single poses end, from about where they are and farther away (T, K, 3), and costs (T, K)."""
+    """Return where descents of single poses end, from near and farther away (T, K, 3), and their costs (T, K)."""
     radius = float(np.hypot(*(fit.corners - fit.corners.mean(axis=0)).T).max())
     far = _AROUND * scans.sensor.pitch_mm * np.array([1.0, 1.0, 1.5 / radius])
     starts = fit.poses[:, None] + np.concatenate([jiggles(scans.sensor.pitch_mm), far])
@@ -232,10 +233,11 @@ def _fewer(scans: RigidScans, fit: Fit) -> Fit | None:
 
 
 def _more(scans: RigidScans, fit: Fit) -> Fit | None:
-    """Return the best fit of one corner more, from all edges; None of tied poses."""
-    if fit.basis is not None or len(fit.corners) == MOST_CORNERS:
+    """Return the best fit of one corner more, from all edges; of tied poses from all corners, each cut off."""
+    if len(fit.corners) == MOST_CORNERS:
         return None
-    tries = [fitted(scans, start, fit.poses, 15) for start in _edges_bent(fit.corners)]
+    starts = _edges_bent(fit.corners) if fit.basis is None else corners_cut(fit.corners)
+    tries = [fitted(scans, start, fit.poses, 15, basis=fit.basis) for start in starts]
     near = sorted(tries, key=lambda f: f.cost)[:_TRIED]
     return min((unstuck(scans, settled(scans, f, 2)) for f in near), key=lambda f: f.cost)
 
@@ -251,6 +253,15 @@ def _edges_bent(corners: FloatArray) -> list[FloatArray]:
         for i in range(len(corners))
         for share in _SHARES
     ]
+
+
+def corners_cut(corners: FloatArray) -> list[FloatArray]:
+    """Return outlines with an edge in place of a corner, of each by turns."""
+    found = []
+    for i, here in enumerate(corners):
+        ends = here + _CUT * (corners[[i - 1, (i + 1) % len(corners)]] - here)
+        found.append(np.concatenate([corners[:i], ends, corners[i + 1 :]]))
+    return found
 
 
 def _edges_removed(corners: FloatArray) -> list[FloatArray]:
@@ -339,7 +350,7 @@ def _along_the_open(scans: RigidScans, fit: Fit) -> list[FloatArray]:
 
 
 def edges_and_turns(corners: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the lengths of an outline's edges (N,), and by how much it turns at corners, below 0 inwards [rad] (N,)."""
+    """Return how long an outline's edges are, and by how much it turns at corners [rad], below 0 inwards (N,)."""
     edge = np.roll(corners, -1, axis=0) - corners
     heading = np.arctan2(edge[:, 1], edge[:, 0])
     x, y = corners.T

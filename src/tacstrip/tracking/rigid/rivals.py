@@ -9,16 +9,18 @@ import shapely
 
 from tacstrip.arrays import FloatArray
 from tacstrip.core.rigid import RigidScans
-from tacstrip.geometry.pose import placed
-from tacstrip.tracking.rigid.corners import Fit, edges_and_turns, fitted, poses_around, settled
+from tacstrip.tracking.rigid.corners import Fit, corners_cut, edges_and_turns, fitted, poses_around, settled
 from tacstrip.tracking.rigid.covariance import covariances, information, rigid_motions
 from tacstrip.tracking.rigid.offsets import with_offsets
 from tacstrip.tracking.rigid.search import Found, carried
 
 _ANOTHER = 0.5  # squared deviations from the others: a place of its own where a pose may rest
-# Of the edges beside a corner, how much is cut off at first; steps of each descent, and how many are settled.
-_CUT, _STEPS, _SETTLED = 0.3, 10, 3
-_CLEAR_EDGE, _CLEAR_TURN = 0.12, 0.26  # of the extent, and radians: edges and corners that stand for themselves
+_STEPS, _SETTLED = 10, 3  # of each descent from a corner cut off, and how many of these are settled
+_GAIN = 1.0  # of chi square, by an edge that is open: noise gives its two numbers two on average
+_CLEAR_EDGE, _CLEAR_TURN = (
+    0.12,
+    0.26,
+)  # of the extent, and radians: edges and corners that stand for themselves
 _TURNED = 0.5  # radians: a rival is not another pose, but another corner called the first
 
 
@@ -57,7 +59,7 @@ def poses_beside_rivals(scans: RigidScans, found: Found, covariances: FloatArray
     fit = found.fit
     if fit.basis is not None:
         return covariances
-    total, summed = np.ones(len(fit.poses)), np.zeros_like(covariances)
+    totals, spread = np.ones(len(fit.poses)), np.zeros_like(covariances)
     known = information(scans, fit.corners, fit.poses).pose
     off, worse = _other_rests(scans, fit)
     kept = [np.zeros_like(fit.poses)]
@@ -65,46 +67,43 @@ def poses_beside_rivals(scans: RigidScans, found: Found, covariances: FloatArray
         apart = [np.einsum("ti,tij,tj->t", theirs - k, known, theirs - k) > _ANOTHER for k in kept]
         odds = np.where(np.all(apart, axis=0), np.exp(-0.5 * np.maximum(by, 0.0)), 0.0)
         kept.append(np.where(odds[:, None] > 0.0, theirs, 0.0))
-        total, summed = total + odds, summed + odds[:, None, None] * _squares(theirs)
-    every = covariances + summed / total[:, None, None]
+        totals, spread = totals + odds, spread + odds[:, None, None] * _squares(theirs)
+    every = covariances + spread / totals[:, None, None]
     own, middle = fit.corners - fit.corners.mean(axis=0), fit.corners.mean(axis=0)
-    sum_of_odds, summed = 1.0, np.zeros_like(covariances)
+    total, spread = 1.0, np.zeros_like(covariances)
     for rival, worse_by in found.rivals:
         if rival.corners.shape != own.shape or len(rival.poses) != len(fit.poses) or rival.basis is not None:
             continue
         turn = _onto(rival.corners, own)[1]
         origin = rival.corners.mean(axis=0) - middle @ turn  # the fit's, in the rival's frame
-        there = np.array([placed(origin[None], pose)[0] for pose in rival.poses])
+        (x, y), cos, sin = origin, np.cos(rival.poses[:, 2]), np.sin(rival.poses[:, 2])
+        there = rival.poses[:, :2] + np.column_stack([cos * x - sin * y, sin * x + cos * y])
         angle = rival.poses[:, 2] - math.atan2(turn[1, 0], turn[0, 0]) - fit.poses[:, 2]
         step = np.column_stack([there - fit.poses[:, :2], np.angle(np.exp(1j * angle))])
         if np.median(np.abs(step[:, 2])) > _TURNED:  # the same outline, turned onto itself
             continue
-        odds = math.exp(-0.5 * max(worse_by, 0.0))
-        sum_of_odds, summed = sum_of_odds + odds, summed + odds * _squares(step)
-    return np.asarray(every + summed / sum_of_odds)
+        likely = math.exp(-0.5 * max(worse_by, 0.0))
+        total, spread = total + likely, spread + likely * _squares(step)
+    return np.asarray(every + spread / total)
 
 
-def with_a_corner_cut(scans: RigidScans, found: Found, least_mm: float) -> bool:
-    """Return whether an outline of which one corner is cut off by an edge explains the scans no worse than the fit.
+def with_a_corner_cut(scans: RigidScans, fit: Fit, least_mm: float) -> Fit | None:
+    """Return the fit of an outline of which an edge cuts one corner off, if it explains the scans better; else None.
 
-    One of clear corners that is off by so much. The criterion prefers fewer corners by far more than such an edge may
+    Of clear corners, and off by so much. The criterion prefers fewer corners by far more than such an edge may
     gain where few readings meet it: it tells which outline is simpler, not that there is no edge.
     """
-    fit, tries = found.fit, list[Fit]()
-    for i, here in enumerate(fit.corners):
-        ends = here + _CUT * (fit.corners[[i - 1, (i + 1) % len(fit.corners)]] - here)
-        cut = np.concatenate([fit.corners[:i], ends, fit.corners[i + 1 :]])
-        tries.append(fitted(scans, cut, fit.poses, _STEPS, basis=fit.basis))
+    tries = [fitted(scans, cut, fit.poses, _STEPS, basis=fit.basis) for cut in corners_cut(fit.corners)]
     size, own = float(np.ptp(fit.corners, axis=0).max()), shapely.Polygon(fit.corners).buffer(0)
     for near in sorted(tries, key=lambda f: f.cost)[:_SETTLED]:
         cut_off = settled(scans, near, 2)
         edges, turns = edges_and_turns(cut_off.corners)
         clear = edges.min() > _CLEAR_EDGE * size and turns.min() > _CLEAR_TURN
-        if clear and cut_off.cost <= fit.cost:
+        if clear and cut_off.cost <= fit.cost - _GAIN:
             there = shapely.Polygon(carried(cut_off, fit.poses)).buffer(0)
             if there.hausdorff_distance(own) > least_mm:
-                return True
-    return False
+                return cut_off
+    return None
 
 
 def _other_rests(scans: RigidScans, fit: Fit) -> tuple[FloatArray, FloatArray]:

@@ -623,11 +623,9 @@ def recognised(known: RigidScans, fit: Fit, scans: RigidScans, distribution: str
     together = replace(known, k=np.concatenate([known.k, scans.k]))
     joint = fitted(together, fit.corners, np.concatenate([fit.poses, best]), 10, cauchy=5.0)
     joint = settled(together, rescued(together, fitted(together, joint.corners, joint.poses)))
-    for fit in (joint, None):
-        if fit is None:  # what too few scans told may have had a corner too few
-            near = joint.cost < _WORTH_SETTLING * joint.freedom(together)
-            fit = recounted(together, unstuck(together, joint))[0] if near else joint
-        part = Fit(fit.corners, fit.poses[-last:], fit.costs[-last:])
-        if content(scans, part, distribution) and content(together, fit, distribution):
-            return fit
-    return None
+    if not content(together, joint, distribution) and joint.cost < _WORTH_SETTLING * joint.freedom(together):
+        joint = recounted(together, unstuck(together, joint))[
+            0
+        ]  # too few scans may have told a corner too few
+    part = Fit(joint.corners, joint.poses[-last:], joint.costs[-last:])
+    return joint if content(scans, part, distribution) and content(together, joint, distribution) else None
