@@ -29,15 +29,16 @@ from tacstrip.sensor.constructions import check_closed_form
 from tacstrip.sensor.left_out import left_out_wholly
 from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.episodes import Episode, episodes, only, spanned
-from tacstrip.tracking.rigid.corners import Fit, posed, reflex
+from tacstrip.tracking.rigid.corners import FIRST, Fit, posed, reflex
 from tacstrip.tracking.rigid.covariance import covariances, following, information
 from tacstrip.tracking.rigid.offsets import not_ruled_out, taken_off, with_offsets
 from tacstrip.tracking.rigid.posterior import scatter
-from tacstrip.tracking.rigid.rivals import beside_rivals
+from tacstrip.tracking.rigid.rivals import beside_rivals, poses_beside_rivals, with_a_corner_cut
 from tacstrip.tracking.rigid.search import (
     FEW_STRIPS,
     LEAST_STRIPS,
     Found,
+    compared_again,
     content,
     counted_among_followers,
     freer_spline,
@@ -307,7 +308,8 @@ def track(scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None) -> 
             unlike.append(one)
             tried[id(one)] = seen
         else:
-            objects.append(_with_stretches(seen, one, left, readings))
+            new = _with_stretches(seen, one, left, readings)
+            objects = _explained_too(new, objects, readings)
     objects, unlike = _together(objects, unlike, stretches, readings)
     tracks: list[tuple[int, Track]] = []
     while unlike:
@@ -516,13 +518,23 @@ def searched(
 def _with_stretches(one: Object, start: Episode, left: list[Episode], read: Readings) -> Object:
     """Return the object with those of other stretches that its shape explains, which are taken away."""
     others = (e for e in start.group if e is not start and set(e.scans) & set(one.shown))
-    one = replace(one, alike=any(_recognise(one, e, read) is not None for e in others))
+    one = joined = replace(one, alike=any(_recognise(one, e, read) is not None for e in others))
     for other in list(left):
-        again = None if set(other.scans) & set(one.shown) else _recognise(one, other, read)
+        again = None if set(other.scans) & set(joined.shown) else _recognise(joined, other, read)
         if again is not None:
-            one = again
+            joined = again
             left.remove(other)
-    return one
+    return one if joined is one else _counted_again(joined, one.found, read)
+
+
+def _explained_too(new: Object, objects: list[Object], read: Readings) -> list[Object]:
+    """Return the objects and a new one, which takes in those that its shape explains: theirs were too little told."""
+    kept, joined = list[Object](), new
+    for other in objects:
+        apart = not (set(other.shown) & set(joined.shown) or other.joint or joined.joint)
+        again = _recognise(joined, Episode(other.shown, other.runs), read) if apart else None
+        joined, kept = (joined, [*kept, other]) if again is None else (again, kept)
+    return [*kept, new if joined is new else _counted_again(joined, new.found, read)]
 
 
 def _recognise(one: Object, other: Episode, read: Readings) -> Object | None:
@@ -534,19 +546,35 @@ def _recognise(one: Object, other: Episode, read: Readings) -> Object | None:
     if fit is None:
         return None
     every = replace(one.scans, k=np.concatenate([one.scans.k, more.k]))
-    few, kept = one.scans.of(one.found.chosen), []
-    for rival, worse in one.found.rivals if one.found.spread_mm > _TOLD * one.scans.sensor.pitch_mm else ():
-        if recognised(few, rival, more, read.distribution) is not None:
-            kept.append((rival, worse))
-    found = replace(one.found, fit=fit, rivals=tuple(kept))
     return replace(
         one,
         shown=one.shown + other.scans,
         joint=one.joint + other.joint,
         runs=one.runs + other.runs,
         scans=every,
-        found=found,
+        found=replace(one.found, fit=fit),
     )
+
+
+def _counted_again(one: Object, before: Found, read: Readings) -> Object:
+    """Return an object of several stretches with its corners counted over all of them, and what rivals remain.
+
+    `before`: what was found of the first.
+    """
+    order = np.argsort(one.shown)
+    scans, fit = one.scans.of(order), one.found.fit
+    fit = replace(fit, poses=fit.poses[order], costs=fit.costs[order])
+    few = np.unique(np.linspace(0, len(order) - 1, min(len(order), MOST)).astype(int))
+    some = scans.of(few)
+    begun = replace(fit, poses=fit.poses[few], costs=fit.costs[few])
+    found = compared_again(some, before, begun, read.distribution)
+    found = replace(
+        counted_among_followers(some, found, read.distribution), chosen=few, offsets=before.offsets
+    )
+    if len(few) < len(order):
+        found = replace(found, fit=posed(scans, replace(fit, corners=found.fit.corners)))
+    shown, runs = [one.shown[i] for i in order], [one.runs[i] for i in order]
+    return replace(one, shown=shown, runs=runs, scans=scans, found=found)
 
 
 def _together(
@@ -688,6 +716,7 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
     shape, of_poses = covariances(equations, corners, fit.poses, freer_spline(fit.basis))
     order = np.argsort(one.shown)
     wider = following(one.scans.of(order), corners, fit.poses[order])
+    of_poses = poses_beside_rivals(one.scans, one.found, of_poses)
     shape = wider**2 * beside_rivals(one.scans, one.found, shape, deviation)
     all_spin = np.kron(np.eye(len(corners)), spin.T)
     shape = np.asarray(all_spin @ shape @ all_spin.T)
@@ -724,6 +753,8 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
         told, advice = False, _LOOSE.format(far=_DEVIATIONS * loosest)
     elif not advice and (other := one.found.of_other_count(_COUNTED * sensor.pitch_mm)):
         told, advice = False, _COUNT.format(n=other)
+    elif not advice and (cut := _with_a_corner_cut(one)):
+        told, advice, one = False, _COUNT.format(n=len(outline) + 1), cut
     elif not advice:
         tied = fit.basis is not None and few
         wander = [_WANDERS.format(times=wider)] * (wider > 1.0)
@@ -740,6 +771,21 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
         0, outline, shape, poses, spreads, np.empty(0), np.empty(0), status, advice or note, () if told else others,
         joint, _motion(fit), _offsets(one, skin), alone,
     )  # fmt: skip
+
+
+def _with_a_corner_cut(one: Object) -> Object | None:
+    """Return the object with the rival of which a corner is two, where few strips or one signature allow that."""
+    fit, chosen = one.found.fit, one.found.chosen
+    few = one.scans.strips_touched < FEW_STRIPS or len(one.scans.read) == 1
+    part = fit.basis is not None and len(chosen) < len(fit.poses)
+    if not few or part or len(fit.corners) + 1 >= FIRST or reflex(fit.corners).any():
+        return None
+    some, fit = one.scans.of(chosen), replace(fit, poses=fit.poses[chosen], costs=fit.costs[chosen])
+    cut = with_a_corner_cut(some, fit, _COUNTED * some.sensor.pitch_mm)
+    if cut is None:
+        return None
+    rival = (cut, cut.criterion(some) - fit.criterion(some))
+    return replace(one, found=replace(one.found, rivals=(*one.found.rivals, rival)))
 
 
 def _reframed(

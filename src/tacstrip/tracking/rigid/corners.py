@@ -24,6 +24,7 @@ _JIGGLES = np.array([(0, 0, 0), (0.5, 0, 0.02), (-0.5, 0, -0.02), (0, 0.5, -0.03
 _AROUND = 0.1 * np.vstack([2.0 * np.eye(3), -2.0 * np.eye(3), np.indices((2, 2, 2)).reshape(3, -1).T * 2 - 1])
 _ROUNDS = 4
 _SHARES, _BENT = (0.25, 0.75), 0.03  # of an edge: where a corner more may be, and how far outside it begins
+_CUT = 0.3  # of the edges beside a corner that is cut off
 _BAD, _SPREAD = 6.0, 5.0  # chi square of a scan beyond its readings, and times its deviation
 _EXPLORED, _BEST, _SETTLED = (
     5,
@@ -153,11 +154,8 @@ def unstuck(scans: RigidScans, fit: Fit) -> Fit:
 
     A scan's pose may rest where a corner is on the wrong side of a strip; one such scan keeps the outline wrong.
     """
-    radius = float(np.hypot(*(fit.corners - fit.corners.mean(axis=0)).T).max())
-    far = _AROUND * scans.sensor.pitch_mm * np.array([1.0, 1.0, 1.5 / radius])
     for _ in range(_ROUNDS if fit.basis is None else 0):
-        starts = fit.poses[:, None] + np.concatenate([jiggles(scans.sensor.pitch_mm), far])
-        poses, costs = _best(*fit_poses(scans, fit.corners, starts, loss(scans)), 1)
+        poses, costs = _best(*poses_around(scans, fit), 1)
         if not costs.sum() < fit.cost - 0.5:
             break
         new = settled(scans, fitted(scans, fit.corners, poses[:, 0], 15), 2)
@@ -165,6 +163,14 @@ def unstuck(scans: RigidScans, fit: Fit) -> Fit:
             break
         fit = new
     return fit
+
+
+def poses_around(scans: RigidScans, fit: Fit) -> tuple[FloatArray, FloatArray]:
+    """Return where descents of single poses end, from near and farther away (T, K, 3), and their costs (T, K)."""
+    radius = float(np.hypot(*(fit.corners - fit.corners.mean(axis=0)).T).max())
+    far = _AROUND * scans.sensor.pitch_mm * np.array([1.0, 1.0, 1.5 / radius])
+    starts = fit.poses[:, None] + np.concatenate([jiggles(scans.sensor.pitch_mm), far])
+    return fit_poses(scans, fit.corners, starts, loss(scans))
 
 
 def recounted(scans: RigidScans, fit: Fit) -> tuple[Fit, list[Fit]]:
@@ -227,10 +233,11 @@ def _fewer(scans: RigidScans, fit: Fit) -> Fit | None:
 
 
 def _more(scans: RigidScans, fit: Fit) -> Fit | None:
-    """Return the best fit of one corner more, from all edges; None of tied poses."""
-    if fit.basis is not None or len(fit.corners) == MOST_CORNERS:
+    """Return the best fit of one corner more, from all edges; of tied poses from all corners, each cut off."""
+    if len(fit.corners) == MOST_CORNERS:
         return None
-    tries = [fitted(scans, start, fit.poses, 15) for start in _edges_bent(fit.corners)]
+    starts = _edges_bent(fit.corners) if fit.basis is None else corners_cut(fit.corners)
+    tries = [fitted(scans, start, fit.poses, 15, basis=fit.basis) for start in starts]
     near = sorted(tries, key=lambda f: f.cost)[:_TRIED]
     return min((unstuck(scans, settled(scans, f, 2)) for f in near), key=lambda f: f.cost)
 
@@ -246,6 +253,15 @@ def _edges_bent(corners: FloatArray) -> list[FloatArray]:
         for i in range(len(corners))
         for share in _SHARES
     ]
+
+
+def corners_cut(corners: FloatArray) -> list[FloatArray]:
+    """Return outlines with an edge in place of a corner, of each by turns."""
+    found = []
+    for i, here in enumerate(corners):
+        ends = here + _CUT * (corners[[i - 1, (i + 1) % len(corners)]] - here)
+        found.append(np.concatenate([corners[:i], ends, corners[i + 1 :]]))
+    return found
 
 
 def _edges_removed(corners: FloatArray) -> list[FloatArray]:
@@ -331,6 +347,15 @@ def _along_the_open(scans: RigidScans, fit: Fit) -> list[FloatArray]:
         for i in range(1, min(_OPEN, len(value) - 3) + 1)
         for by in _DEVIATIONS
     ]
+
+
+def edges_and_turns(corners: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return how long an outline's edges are, and by how much it turns at corners [rad], below 0 inwards (N,)."""
+    edge = np.roll(corners, -1, axis=0) - corners
+    heading = np.arctan2(edge[:, 1], edge[:, 0])
+    x, y = corners.T
+    way = np.sign((x * np.roll(y, -1) - np.roll(x, -1) * y).sum())
+    return np.hypot(*edge.T), way * _within_half(heading - np.roll(heading, 1), 2.0 * np.pi)
 
 
 def reflex(corners: FloatArray) -> BoolArray:

@@ -5,12 +5,23 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import shapely
 
 from tacstrip.arrays import FloatArray
 from tacstrip.core.rigid import RigidScans
+from tacstrip.tracking.rigid.corners import Fit, corners_cut, edges_and_turns, fitted, poses_around, settled
 from tacstrip.tracking.rigid.covariance import covariances, information, rigid_motions
 from tacstrip.tracking.rigid.offsets import with_offsets
-from tacstrip.tracking.rigid.search import Found
+from tacstrip.tracking.rigid.search import Found, carried
+
+_ANOTHER = 0.5  # squared deviations from the others: a place of its own where a pose may rest
+_STEPS, _SETTLED = 10, 3  # of each descent from a corner cut off, and how many of these are settled
+_GAIN = 1.0  # of chi square, by an edge that is open: noise gives its two numbers two on average
+_CLEAR_EDGE, _CLEAR_TURN = (
+    0.12,
+    0.26,
+)  # of the extent, and radians: edges and corners that stand for themselves
+_TURNED = 0.5  # radians: a rival is not another pose, but another corner called the first
 
 
 def beside_rivals(scans: RigidScans, found: Found, shape: FloatArray, deviation: float) -> FloatArray:
@@ -37,6 +48,77 @@ def beside_rivals(scans: RigidScans, found: Found, shape: FloatArray, deviation:
     motions = rigid_motions(own)  # moved and turned as a whole it is the same shape
     inner = np.eye(own.size) - motions @ np.linalg.pinv(motions)
     return np.asarray(inner @ summed @ inner.T / total)
+
+
+def poses_beside_rivals(scans: RigidScans, found: Found, covariances: FloatArray) -> FloatArray:
+    """Return covariances (T, 3, 3) of the fit's poses, `covariances` where the readings leave each but one place.
+
+    Likewise of mixtures: about where else a scan's pose may rest, beside a kink where a corner passes a strip, and
+    about the poses of rivals.
+    """
+    fit = found.fit
+    if fit.basis is not None:
+        return covariances
+    totals, spread = np.ones(len(fit.poses)), np.zeros_like(covariances)
+    known = information(scans, fit.corners, fit.poses).pose
+    off, worse = _other_rests(scans, fit)
+    kept = [np.zeros_like(fit.poses)]
+    for theirs, by in zip(off.transpose(1, 0, 2), worse.T, strict=True):
+        apart = [np.einsum("ti,tij,tj->t", theirs - k, known, theirs - k) > _ANOTHER for k in kept]
+        odds = np.where(np.all(apart, axis=0), np.exp(-0.5 * np.maximum(by, 0.0)), 0.0)
+        kept.append(np.where(odds[:, None] > 0.0, theirs, 0.0))
+        totals, spread = totals + odds, spread + odds[:, None, None] * _squares(theirs)
+    every = covariances + spread / totals[:, None, None]
+    own, middle = fit.corners - fit.corners.mean(axis=0), fit.corners.mean(axis=0)
+    total, spread = 1.0, np.zeros_like(covariances)
+    for rival, worse_by in found.rivals:
+        if rival.corners.shape != own.shape or len(rival.poses) != len(fit.poses) or rival.basis is not None:
+            continue
+        turn = _onto(rival.corners, own)[1]
+        origin = rival.corners.mean(axis=0) - middle @ turn  # the fit's, in the rival's frame
+        (x, y), cos, sin = origin, np.cos(rival.poses[:, 2]), np.sin(rival.poses[:, 2])
+        there = rival.poses[:, :2] + np.column_stack([cos * x - sin * y, sin * x + cos * y])
+        angle = rival.poses[:, 2] - math.atan2(turn[1, 0], turn[0, 0]) - fit.poses[:, 2]
+        step = np.column_stack([there - fit.poses[:, :2], np.angle(np.exp(1j * angle))])
+        if np.median(np.abs(step[:, 2])) > _TURNED:  # the same outline, turned onto itself
+            continue
+        likely = math.exp(-0.5 * max(worse_by, 0.0))
+        total, spread = total + likely, spread + likely * _squares(step)
+    return np.asarray(every + spread / total)
+
+
+def with_a_corner_cut(scans: RigidScans, fit: Fit, least_mm: float) -> Fit | None:
+    """Return the fit of an outline of which an edge cuts one corner off, if it explains the scans better; else None.
+
+    Of clear corners, and off by so much. The criterion prefers fewer corners by far more than such an edge may
+    gain where few readings meet it: it tells which outline is simpler, not that there is no edge.
+    """
+    tries = [fitted(scans, cut, fit.poses, _STEPS, basis=fit.basis) for cut in corners_cut(fit.corners)]
+    size, own = float(np.ptp(fit.corners, axis=0).max()), shapely.Polygon(fit.corners).buffer(0)
+    for near in sorted(tries, key=lambda f: f.cost)[:_SETTLED]:
+        cut_off = settled(scans, near, 2)
+        edges, turns = edges_and_turns(cut_off.corners)
+        clear = edges.min() > _CLEAR_EDGE * size and turns.min() > _CLEAR_TURN
+        if clear and cut_off.cost <= fit.cost - _GAIN:
+            there = shapely.Polygon(carried(cut_off, fit.poses)).buffer(0)
+            if there.hausdorff_distance(own) > least_mm:
+                return cut_off
+    return None
+
+
+def _other_rests(scans: RigidScans, fit: Fit) -> tuple[FloatArray, FloatArray]:
+    """Return how far off descents of single poses end, from about where they are (T, K, 3), and what more that costs.
+
+    The best first (T, K).
+    """
+    poses, costs = poses_around(scans, fit)
+    order = np.argsort(costs, axis=1, kind="stable")
+    rows = np.arange(len(costs))[:, None]
+    return poses[rows, order] - fit.poses[:, None], costs[rows, order] - fit.costs[:, None]
+
+
+def _squares(steps: FloatArray) -> FloatArray:
+    return np.asarray(steps[:, :, None] * steps[:, None, :])
 
 
 def _onto(corners: FloatArray, to: FloatArray) -> tuple[int, FloatArray, FloatArray]:

@@ -43,7 +43,7 @@ _FREER = 2  # steps up these: the freedom that errors allow the motion
 _NEAR = 6  # fits that are tried on the best of them
 LEAST_STRIPS = 3  # that a scan touches: fewer tell hardly more than a pose
 FEW_STRIPS = 12  # that read an outline at few places, the same ones as long as it does not move across them
-_KEPT = 3  # paths that are made polygons of
+_KEPT, _KEPT_TIED = 3, 8  # paths that are made polygons of; of one signature of few strips
 _FEW_A_SCAN = (
     6  # strips: scans that touch fewer explain one another at many wrong turns, so that all are tried
 )
@@ -109,7 +109,7 @@ class Found:
         """The rivals' corners in the fit's frame, each with its weight against all others, the fit's included."""
         odds = [math.exp(-0.5 * max(worse, 0.0)) for _, worse in self.rivals]
         total, poses = 1.0 + sum(odds), self.fit.poses[self.chosen]
-        return [(_carried(fit, poses), one / total) for (fit, _), one in zip(self.rivals, odds, strict=True)]
+        return [(carried(fit, poses), one / total) for (fit, _), one in zip(self.rivals, odds, strict=True)]
 
     @property
     def spread_mm(self) -> float:
@@ -147,7 +147,7 @@ class Found:
         return 0
 
 
-def _carried(rival: Fit, poses: FloatArray) -> FloatArray:
+def carried(rival: Fit, poses: FloatArray) -> FloatArray:
     """Return a rival's corners as the frame has them whose poses in the same scans are these, in the median."""
     turns = np.angle(np.exp(1j * (rival.poses[:, 2] - poses[:, 2])))
     turn = turns[0] + np.median(np.angle(np.exp(1j * (turns - turns[0]))))
@@ -259,14 +259,18 @@ def search(
     def explained(one: Found) -> bool:
         return content(taken_off(scans, one.offsets), one.fit, distribution)
 
+    def without_path() -> Found:
+        return free or replace(_compared(scans, [_without_path(scans)], distribution), starts=starts)
+
     if found is None:
         if erratic:
-            free = Found(_without_path(scans), np.arange(len(scans.k)), starts=starts)
+            free = without_path()
             if explained(free):
                 return free
         turns = starts.best(_TURNS, _KEPT)
         if needs_smooth_motion(scans):
-            found = _with_offsets(starts, turns, distribution, offsets, tied=True)
+            some = starts.best(_TURNS, _KEPT_TIED) if scans.strips_touched < FEW_STRIPS else turns
+            found = _with_offsets(starts, some, distribution, offsets, tied=True)
             if explained(found):
                 return found
         found = _with_offsets(starts, turns, distribution, offsets)
@@ -275,9 +279,6 @@ def search(
 
     def on_more_turns() -> Found:
         return _with_offsets(starts, starts.best(_FINE_TURNS, 2 * _KEPT), distribution, offsets)
-
-    def without_path() -> Found:
-        return free or Found(_without_path(scans), np.arange(len(scans.k)), starts=starts)
 
     if not round_and_round and not erratic:
         ways = [on_more_turns]
@@ -473,6 +474,12 @@ def _compared(scans: RigidScans, fits: list[Fit], distribution: str) -> Found:
     return Found(best, np.arange(len(scans.k)), tuple(rivals))
 
 
+def compared_again(scans: RigidScans, found: Found, fit: Fit, distribution: str) -> Found:
+    """Return what was found of some scans as of these and more, about a fit of all: counted and compared anew."""
+    others = [settled(scans, fitted(scans, corners, fit.poses)) for corners, _ in found.others]
+    return _compared(scans, [unstuck(scans, fit), *others], distribution)
+
+
 def _on_the_best_spline(scans: RigidScans, chosen: IntArray, fits: list[Fit]) -> list[Fit]:
     """Return the fits that may be right on splines of as many knots as the readings ask for, the best first."""
     few, best, worse = scans.of(chosen), fits[0], 0
@@ -505,7 +512,7 @@ def _same(a: Fit, b: Fit) -> bool:
     """Whether two fits of the same scans have one outline."""
     if len(a.corners) != len(b.corners):
         return False
-    p, q = (shapely.Polygon(o).buffer(0) for o in (_carried(a, b.poses), b.corners))
+    p, q = (shapely.Polygon(o).buffer(0) for o in (carried(a, b.poses), b.corners))
     return bool(p.hausdorff_distance(q) < _ALIKE * math.sqrt(q.area))
 
 
@@ -564,8 +571,7 @@ def _without_path(scans: RigidScans) -> Fit:
     if len(chosen) < total:
         poses = poses_all_round(scans, best.corners, 0.05 * scans.sensor.pitch_mm)[0][:, 0]
         best = settled(scans, fitted(scans, best.corners, poses))
-    hopeless = best.cost > _WORTH_SETTLING * best.freedom(scans)
-    return best if hopeless else recounted(scans, unstuck(scans, best))[0]
+    return best if best.cost > _WORTH_SETTLING * best.freedom(scans) else unstuck(scans, best)
 
 
 def _wrapped(poses: FloatArray) -> FloatArray:
@@ -617,5 +623,9 @@ def recognised(known: RigidScans, fit: Fit, scans: RigidScans, distribution: str
     together = replace(known, k=np.concatenate([known.k, scans.k]))
     joint = fitted(together, fit.corners, np.concatenate([fit.poses, best]), 10, cauchy=5.0)
     joint = settled(together, rescued(together, fitted(together, joint.corners, joint.poses)))
+    if not content(together, joint, distribution) and joint.cost < _WORTH_SETTLING * joint.freedom(together):
+        joint = recounted(together, unstuck(together, joint))[
+            0
+        ]  # too few scans may have told a corner too few
     part = Fit(joint.corners, joint.poses[-last:], joint.costs[-last:])
     return joint if content(scans, part, distribution) and content(together, joint, distribution) else None
