@@ -313,8 +313,8 @@ def _verdict(
 
 
 _FEW = (
-    f'; "ok" promises more, and from fewer than {ENOUGH_STRIPS} strips with one signature even outlines as sure as that '
-    "are wrong in 1 of 10"
+    f'; "ok" promises more, and from fewer than {ENOUGH_STRIPS} strips with one signature even outlines as sure as '
+    "that are wrong in 1 of 10"
 )
 
 
