@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from threading import Lock
 
 import numpy as np
@@ -419,6 +420,25 @@ def test_covariances_of_loose_edges_agree() -> None:
         scale = np.sqrt(truth.diagonal())
         np.testing.assert_allclose(got / np.outer(scale, scale), truth / np.outer(scale, scale), atol=1e-9)
     assert 20 < loose < 180
+
+
+def test_loose_edges_lie_where_they_did_when_another_strip_is_left_out() -> None:
+    """Halfway between the strips beside them: the second strip, far away, has no say."""
+    problem, n = _empty(MODELS[0], 60), 60
+    chain = np.array([0, 0, 0, 1])
+    inner = [(0.3, 0.25), (0.3 + 2.6 / n, 0.251), (0.7, 0.2), (0.5, 0.8)]
+    theta = np.array([0.002, 0.5, 0.5, 0.997, 0.5, 0.5, *np.ravel(inner)])
+    order = np.argsort(theta[END_ENTRIES::2], kind="stable")
+    theta[END_ENTRIES:] = theta[END_ENTRIES:].reshape(-1, 2)[order].ravel()
+    made = PolygonFit(theta, chain[order], np.zeros(2, dtype=np.int64), 0.0)
+    problem = _with(problem, made.readings(problem), np.full((2, n), 1e2))
+    there = np.arange(n) != 1
+    without = replace(
+        problem, x=problem.x[there], k=problem.k[:, there].copy(), weight=problem.weight[:, there].copy()
+    )
+    loose = made._with_loose_edges(problem)
+    assert loose is not made
+    np.testing.assert_allclose(made._with_loose_edges(without).theta, loose.theta, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("rank", [8, 5])

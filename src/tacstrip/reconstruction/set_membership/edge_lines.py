@@ -53,6 +53,11 @@ class ReadingBounds(Sendable):
     edge: float
     beyond_mm: float = 0.0
 
+    @property
+    def count(self) -> int:
+        """How many readings there are."""
+        return sum(int(np.isfinite(k).sum()) for k in self.low.values())
+
     @classmethod
     def of(
         cls,

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -43,6 +43,10 @@ _REACH, _FURTHER = 4.0, 12.0  # standard errors of least squares within which a 
 _NORMAL = -2.0 * math.log(
     1.0 - LEVEL
 )  # squared Mahalanobis distance that holds so much of a normal error in the plane
+# The set's deviations are those of least squares times about the root of heights over readings. Where there are fewer
+# corners than the object has, what the bound leaves is far less: at least so much of that is told.
+_USUAL = 1.5
+_NOTHING = 1e-30
 _BENT = 0.05  # of a reading's band: by how much the mean may leave it, as the set is not quite convex
 
 
@@ -325,7 +329,7 @@ def plain_refine(outline: Outline, covariance: FloatArray, band: ReadingBounds) 
     mean = None if chains is None else _mean(*chains, lines, band)
     if chains is None or mean is None:
         return least_squares
-    return _finite(Bounded(mean, *scatter(mean, *chains), band, points, least_squares), least_squares)
+    return _judged(Bounded(mean, *scatter(mean, *chains), band, points, least_squares), least_squares)
 
 
 def _least_squares(
@@ -334,8 +338,27 @@ def _least_squares(
     return Bounded(outline, covariance, np.full(len(outline.vertices), _NORMAL), None, band, points)
 
 
-def _finite(refined: Bounded, least_squares: Bounded) -> Bounded:
-    return refined if np.isfinite(refined.region_covariance).all() else least_squares
+def _judged(refined: Bounded, least_squares: Bounded) -> Bounded:
+    """Return the mean and its scatter, no smaller than noise mostly leaves; least squares where the scatter is none."""
+    if not np.isfinite(refined.region_covariance).all():
+        return least_squares
+    if refined.deviations is None or not np.isfinite(least_squares.covariance).all():
+        return refined
+    least = _USUAL * math.sqrt(refined.points.shape[1] / refined.band.count)
+    size = _size(refined.region_covariance) / max(_size(least_squares.covariance), _NOTHING)
+    more = max(1.0, least / max(size, _NOTHING))
+    if more == 1.0:
+        return refined
+    area, centroid, turn = refined.deviations
+    deviations = (more * area, more * centroid, min(more * turn, UNKNOWN_ANGLE))
+    return replace(refined, covariance=more**2 * refined.covariance, deviations=deviations)
+
+
+def _size(covariance: FloatArray) -> float:
+    """Return the standard deviation of a vertex's coordinates, by the geometric mean over vertices (2 V, 2 V)."""
+    variance, off = np.diag(covariance), np.diag(covariance, 1)[::2]
+    areas = variance[::2] * variance[1::2] - off**2
+    return float(np.exp(0.25 * np.log(np.maximum(areas, _NOTHING)).mean()))
 
 
 def in_one_call(
@@ -368,7 +391,7 @@ def in_one_call(
     deviations = (area, np.array([x, y]), min(turn, UNKNOWN_ANGLE))
     scatter = found[: 4 * v * v].reshape(2 * v, 2 * v)
     radii = found[4 * n * n : 4 * n * n + v]
-    return _finite(Bounded(middle, scatter, radii, deviations, band, points, least_squares), least_squares)
+    return _judged(Bounded(middle, scatter, radii, deviations, band, points, least_squares), least_squares)
 
 
 def _mean(lower: FloatArray, upper: FloatArray, lines: EdgeLines, band: ReadingBounds) -> Outline | None:
