@@ -32,6 +32,7 @@ _SIDE = 0.93  # of pairs of a height on a rail and one off it, in the same order
 _ALL_THE_TIME, _VISITS = 0.9, 3  # of the places: an object that lies still does not come and go; visits
 _ALIKE = 0.7  # correlation of a strip's neighbours that are under one object
 _FEW, _SOME = 3, 8  # places
+_ACROSS = 3  # strips, twice what the middle of a contact moves across
 _FAR_FROM_REST = 2.5  # times what counts as touched
 _ONE_CONTACT = 0.2  # over Vref: strips under one contact do not differ by more
 
@@ -319,10 +320,10 @@ def never_touched(work: WorkingCopy) -> Iterator[Suspect]:
         over = away[:, strip - 1] & away[:, strip + 1]
         for values in work.k.values():  # one contact, not two with a gap between them
             over &= ~(np.abs(values[:, strip + 1] - values[:, strip - 1]) > _ONE_CONTACT)
-        edges = {(int(np.argmax(row)), int(np.argmax(row[::-1]))) for row in work.there[over]}
-        moved = len({a for a, _ in edges}) + len({b for _, b in edges}) >= _FEW
+        first = work.there[over].argmax(axis=1)
+        last = work.strips - 1 - work.there[over][:, ::-1].argmax(axis=1)
         count = int(over.sum())
-        if count >= _FEW and moved:
+        if count >= _FEW and np.ptp(first) + np.ptp(last) >= 1:
             fault = "dead"
             evidence = f"reads no contact in {count} places where both its neighbours do, though the contact moves on"
             on_ground = bool(work.at_ground[work.order[strip]])
@@ -330,7 +331,9 @@ def never_touched(work: WorkingCopy) -> Iterator[Suspect]:
                 fault = "open-strip"
                 end = _open_end(at_vref=False)
                 evidence += f"{', and is on ground throughout' * on_ground}; {end}, then at the sensing wires"
-            yield work.suspect(fault, [strip], evidence, {"places": float(count)}, 1.0)
+            suspect = work.suspect(fault, [strip], evidence, {"places": float(count)}, 1.0)
+            # Two objects that stay side by side have a gap between them, whatever their rims do.
+            yield replace(suspect, doubtful=bool(np.ptp(first + last) < _ACROSS))
 
 
 def _away_from_rest(work: WorkingCopy) -> BoolArray:

@@ -11,7 +11,7 @@ import numpy as np
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.diagnose.bend_model import BendModel
 from tacstrip.diagnose.neighbour_prediction import Suspect, WorkingCopy
-from tacstrip.diagnose.regression import moved_to_and_fro, passes
+from tacstrip.diagnose.regression import moved_across, moved_to_and_fro, passes
 from tacstrip.sensor.constructions import SIGNATURES
 
 _HEIGHTS = np.linspace(0.25, 1.0, 6)  # over L, at which a bridge is looked for: of contacts on one side of it
@@ -33,6 +33,7 @@ _TIED, _SLOPE = (
 # Of a tied pair: logarithm of the odds against a pair that follows half the slope around; where that is extrapolated;
 # and the gain of a pair that is told by the bends around it. Less is a question.
 _ODDS_TIED, _ODDS, _ODDS_AT_EDGE, _BENT_SURELY = 0.5, 2.0, 20.0, 100.0
+_BENDS = 1.2  # times noise: less may be chance
 _LOOKS, _FEWEST_LOOKS = 3, 15  # places of a pass that count: they err alike; places
 _JUMP, _RESOLVED = 0.04, 0.004  # over Vref: from the next strip; of a level
 _ONE_LEVEL = 0.06  # over Vref: offsets of two strips that read one level
@@ -157,7 +158,8 @@ def _odds_of_flat(work: WorkingCopy, strip: int) -> float:
     """Return the logarithm of the odds that a pair differs by noise alone, and not by half the slope around it.
 
     By what either leaves beside offset and gain, in the signature and on the side of a bridge where most speaks for
-    it; places of one pass err alike. A pair that is noisy, or flat because the contact is, does not tell: 0.
+    it; places of one pass err alike. A pair that is noisy, or flat because the contact is, does not tell, nor does a
+    contact that repeats one movement: 0.
     """
     best, noise = 0.0, np.sqrt(2.0) * work.sigma
     for name, values in work.k.items():
@@ -168,12 +170,12 @@ def _odds_of_flat(work: WorkingCopy, strip: int) -> float:
             below = level < height - _CLEAR
             at = known & (below if SIGNATURES[name].at_upper_end else level > 1.0 - height + _CLEAR)
             rows = np.flatnonzero(at)
-            if len(rows) < _FEWEST_LOOKS:
+            if len(rows) < _FEWEST_LOOKS or not moved_across(work.there[rows], level[rows]):
                 continue
             flat, half = (_left(y[rows], level[rows]) for y in (difference, difference - slope / 2.0))
-            if flat < _NOISE * noise:
+            if flat < _NOISE * noise and half > _BENDS * max(flat, noise):
                 looks = min(len(rows), _LOOKS * passes(rows))
-                best = max(best, looks * math.log(max(half, noise) / max(flat, noise)))
+                best = max(best, looks * math.log(half / max(flat, noise)))
     return best
 
 
@@ -308,7 +310,9 @@ def _bridged_energised(work: WorkingCopy) -> Iterator[Suspect]:
             )
             numbers = {"most": most, "least": least, "strength": bridge.strength, "gain": bridge.gain}
             suspect = work.suspect("short", [strip, strip + 1], evidence, numbers, size)
-            yield replace(suspect, doubtful=bridge.gain < _TIMES * others)
+            at = np.isfinite(_level(values, strip)) & work.there[:, strip : strip + 2].any(axis=1)
+            one_line = not moved_across(work.there[at], _level(values, strip)[at])
+            yield replace(suspect, doubtful=bridge.gain < _TIMES * others or one_line)
 
 
 @dataclass(frozen=True)
