@@ -45,7 +45,10 @@ def _outlines(rng: np.random.Generator, thing: str) -> Outlines:
             arc = np.roll(circle, open_at, axis=0)[: int(rng.integers(14, 24))]
             return [np.concatenate([arc, (1.0 - thick) * arc[::-1]])]
         case "angle":
-            return [square * (1.0, thick) + (0.0, thick / 2 - 0.5), square * (thick, 1.0) + (thick / 2 - 0.5, 0.0)]
+            return [
+                square * (1.0, thick) + (0.0, thick / 2 - 0.5),
+                square * (thick, 1.0) + (thick / 2 - 0.5, 0.0),
+            ]
         case "comb":
             teeth = int(rng.integers(2, 5))
             places = np.linspace(-0.5 + thick / 4, 0.5 - thick / 4, teeth)
@@ -53,9 +56,16 @@ def _outlines(rng: np.random.Generator, thing: str) -> Outlines:
         case "cross":
             return [square * (1.0, thick), square * (thick, 1.0)]
         case "wedge":
-            return [np.array([(-0.5, -0.5), (0.5, rng.uniform(-0.5, 0.2)), (0.5, 0.5), (-0.5, rng.uniform(-0.4, 0.5))])]
+            return [
+                np.array(
+                    [(-0.5, -0.5), (0.5, rng.uniform(-0.5, 0.2)), (0.5, 0.5), (-0.5, rng.uniform(-0.4, 0.5))]
+                )
+            ]
         case "two":
-            return [circle * rng.uniform(0.3, 0.6) - rng.uniform(0.1, 0.3, 2), square * rng.uniform(0.2, 0.5, 2) + 0.25]
+            return [
+                circle * rng.uniform(0.3, 0.6) - rng.uniform(0.1, 0.3, 2),
+                square * rng.uniform(0.2, 0.5, 2) + 0.25,
+            ]
         case "finger" | "disc":
             return [circle]
         case _:
@@ -68,7 +78,11 @@ def _size(rng: np.random.Generator, thing: str, sensor: Sensor) -> FloatArray:
     match thing:
         case "bar":
             size = np.array([rng.uniform(0.3, 1.5) * wide, rng.uniform(0.01, 0.06) * tall])
-            return size if rng.random() < 0.7 else np.array([rng.uniform(0.8, 2.5) * sensor.pitch_mm, 0.7 * tall])
+            return (
+                size
+                if rng.random() < 0.7
+                else np.array([rng.uniform(0.8, 2.5) * sensor.pitch_mm, 0.7 * tall])
+            )
         case "finger":
             return rng.uniform(1.5, 4.0) * sensor.pitch_mm * np.array([1.0, rng.uniform(0.8, 1.8)])
         case "corner":
@@ -93,7 +107,9 @@ def _way(
     many = int(np.clip(rng.integers(2, 30), 1.0, 1.0 + _HAND_HZ * seconds))
     match protocol:
         case "held" | "held for long" | "few" if protocol != "few" or rng.random() < 0.5:
-            at = at + rng.choice([0.0, 1e-4, 2e-3]) * np.cumsum(rng.normal(size=(scans, 2)), axis=0) / np.sqrt(scans)
+            at = at + rng.choice([0.0, 1e-4, 2e-3]) * np.cumsum(
+                rng.normal(size=(scans, 2)), axis=0
+            ) / np.sqrt(scans)
             down = ((share > rng.choice([-1.0, 0.1, 0.3])) & (share < rng.choice([2.0, 0.8]))).astype(float)
             scale = 1.0 + rng.choice([0.0, 0.01, 0.04]) * np.log1p(20.0 * share) / np.log(21.0)
         case "slide" | "few":
@@ -106,9 +122,13 @@ def _way(
             number = np.minimum((share * many).astype(int), many - 1)
             at = rng.uniform(-0.02, 1.02, (many, 2))[number]
             angle = rng.uniform(-1.6, 1.6, many)[number]
-            down = ((share * many) % 1.0 < rng.uniform(0.3, 0.9)).astype(float) if protocol == "taps" else ones
+            down = (
+                ((share * many) % 1.0 < rng.uniform(0.3, 0.9)).astype(float) if protocol == "taps" else ones
+            )
         case "roll":
-            at = np.stack([here[0] * ones, np.interp(share * many % 2.0, (0.0, 1.0, 2.0), (0.0, 1.0, 0.0))], axis=1)
+            at = np.stack(
+                [here[0] * ones, np.interp(share * many % 2.0, (0.0, 1.0, 2.0), (0.0, 1.0, 0.0))], axis=1
+            )
             angle = rng.normal(0.0, 0.1) * ones
         case "rock":  # a finger rolls about its own axis: its place and its size change together
             turn = np.sin(np.pi * many * share)
@@ -146,7 +166,9 @@ def _ends(corners: FloatArray, sensor: Sensor) -> tuple[FloatArray, FloatArray]:
     """Return the lowest and the highest touched place of each strip over L (scans, strips), beyond the ends too."""
     lines = (np.arange(sensor.strips)[:, None] + 0.5 + np.array(_ACROSS)).ravel() * sensor.pitch_mm
     low, up = np.full((len(corners), len(lines)), np.inf), np.full((len(corners), len(lines)), -np.inf)
-    for one, two in zip(np.moveaxis(corners, 1, 0), np.moveaxis(np.roll(corners, -1, axis=1), 1, 0), strict=True):
+    for one, two in zip(
+        np.moveaxis(corners, 1, 0), np.moveaxis(np.roll(corners, -1, axis=1), 1, 0), strict=True
+    ):
         x0, y0, x1, y1 = one[:, :1], one[:, 1:], two[:, :1], two[:, 1:]
         with np.errstate(divide="ignore", invalid="ignore"):
             y = y0 + (y1 - y0) * (lines - x0) / (x1 - x0)
@@ -192,7 +214,9 @@ def recording(seed: int) -> tuple[Log, str]:
 
 def _sensor(rng: np.random.Generator) -> Sensor:
     kind = str(rng.choice(["crs-crs", "crs-m", "cyl-crs-m", "crs-crp"], p=[0.5, 0.28, 0.12, 0.1]))
-    strips = int(rng.choice([4, 6, 8, 10, 12] if kind == "crs-crp" else [4, 5, 7, 9, 12, 16, 20, 24, 30, 48, 64, 100]))
+    strips = int(
+        rng.choice([4, 6, 8, 10, 12] if kind == "crs-crp" else [4, 5, 7, 9, 12, 16, 20, 24, 30, 48, 64, 100])
+    )
     pitch = float(rng.uniform(1.5, 9.0))
     rest = float(rng.choice([0.0, 0.08, 0.2, 0.4])) if rng.random() < 0.45 and kind != "crs-crp" else None
     length = float(rng.uniform(0.5, 3.0) * min(max(strips, 8), 30) * pitch)
@@ -206,7 +230,9 @@ def _sensor(rng: np.random.Generator) -> Sensor:
     )  # fmt: skip
 
 
-def _strips(rng: np.random.Generator, sensor: Sensor, low: FloatArray, up: FloatArray) -> dict[str, FloatArray]:
+def _strips(
+    rng: np.random.Generator, sensor: Sensor, low: FloatArray, up: FloatArray
+) -> dict[str, FloatArray]:
     """Return readings over Vref, the rest level where nothing touches, by the circuit of each strip's own rubber."""
     strips = sensor.strips
     y = np.linspace(0.0, 1.0, 61)
@@ -214,8 +240,12 @@ def _strips(rng: np.random.Generator, sensor: Sensor, low: FloatArray, up: Float
     waves = sum(rng.normal(size=(strips, 1)) * np.sin(np.pi * n * y + rng.uniform(0.0, 6.3, (strips, 1))) / n
                 for n in (1, 2, 3, 5))  # fmt: skip
     density = np.exp(uneven * (waves + 0.7 * rng.normal(size=(strips, 1))))
-    below = np.concatenate([np.zeros((strips, 1)), np.cumsum((density[:, 1:] + density[:, :-1]) / 120.0, axis=1)], axis=1)
-    bottom, top = (np.stack([np.interp(v[:, i], y, below[i]) for i in range(strips)], axis=1) for v in (low, up))
+    below = np.concatenate(
+        [np.zeros((strips, 1)), np.cumsum((density[:, 1:] + density[:, :-1]) / 120.0, axis=1)], axis=1
+    )
+    bottom, top = (
+        np.stack([np.interp(v[:, i], y, below[i]) for i in range(strips)], axis=1) for v in (low, up)
+    )
     lam = sensor.contact_lambda_mm / sensor.length_mm
     if lam:
         cut = lam * np.tanh((top - bottom) / (2.0 * lam))
@@ -225,7 +255,10 @@ def _strips(rng: np.random.Generator, sensor: Sensor, low: FloatArray, up: Float
     joints = rng.uniform(0.0, 0.004, (2, strips))
     first, last = switch + joints
     whole = first + below[:, -1] + last - (top - bottom) / (1.0 + ratio)
-    k = {"kl": (first + bottom) / whole, "kh": (first + bottom + (top - bottom) * ratio / (1.0 + ratio)) / whole}
+    k = {
+        "kl": (first + bottom) / whole,
+        "kh": (first + bottom + (top - bottom) * ratio / (1.0 + ratio)) / whole,
+    }
     rest = (sensor.rest_volt or 0.0) / sensor.vref_volt
     offset, gain = float(rng.choice([0.0, 0.002, 0.01, 0.03])), float(rng.choice([0.0, 0.003, 0.01]))
     if sensor.touch_volt is not None:  # which its user has set by what untouched strips read
@@ -233,7 +266,9 @@ def _strips(rng: np.random.Generator, sensor: Sensor, low: FloatArray, up: Float
     out = {}
     for name, values in (k if ratio else {"k": k["kl"]}).items():
         values = np.where(np.isfinite(values), values, rest)
-        out[name] = values * (1.0 + gain * rng.uniform(-1.0, 1.0, strips)) + offset * rng.uniform(-1.0, 1.0, strips)
+        out[name] = values * (1.0 + gain * rng.uniform(-1.0, 1.0, strips)) + offset * rng.uniform(
+            -1.0, 1.0, strips
+        )
     return out
 
 
@@ -256,7 +291,12 @@ def _bar(sensor: Sensor, strip: int, low: float, up: float) -> Contact:
 
 
 def _disturb(
-    rng: np.random.Generator, k: dict[str, FloatArray], time_s: FloatArray, on: FloatArray, rate: float, rest: float
+    rng: np.random.Generator,
+    k: dict[str, FloatArray],
+    time_s: FloatArray,
+    on: FloatArray,
+    rate: float,
+    rest: float,
 ) -> None:
     """Add a noise of some kind, mains, and what all channels do together."""
     scans, strips = on.shape
@@ -265,7 +305,10 @@ def _disturb(
     mains, hertz = float(rng.choice([0.0, 2e-4, 5e-4])), float(rng.choice([50.0, 60.0]))
     at = time_s[:, None] + rng.uniform(0.1, 0.8) / (rate * strips) * np.arange(strips)
     course = np.linspace(0.0, 1.0, scans)[:, None] ** rng.uniform(0.5, 2.0)
-    shift, stretch = rng.choice([0.0, 0.004, 0.012]) * rng.uniform(-1.0, 1.0), rng.choice([0.0, 0.01]) * rng.normal()
+    shift, stretch = (
+        rng.choice([0.0, 0.004, 0.012]) * rng.uniform(-1.0, 1.0),
+        rng.choice([0.0, 0.01]) * rng.normal(),
+    )
     for name, values in k.items():
         normal = rng.normal(size=(scans, strips))
         match kind:
@@ -298,7 +341,9 @@ def main(units: int, first: int) -> None:
             sys.stdout.write(f"{seed} {about}: {names} {strips}: {evidence}\n")
             sys.stdout.flush()
     took = time.process_time() - start
-    sys.stdout.write(f"{units} sound units: {said['alarms']} alarms, {said['asked']} asked, {took:.0f} s of CPU\n")
+    sys.stdout.write(
+        f"{units} sound units: {said['alarms']} alarms, {said['asked']} asked, {took:.0f} s of CPU\n"
+    )
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ from tacstrip.diagnose.neighbour_prediction import (
     neighbour_residuals,
     predict_from_neighbours,
 )
-from tacstrip.diagnose.regression import moved_to_and_fro
+from tacstrip.diagnose.regression import moved_to_and_fro, passes
 from tacstrip.robust import robust_sigma
 from tacstrip.sensor.exchanged import read_twice
 
@@ -33,6 +33,7 @@ _SHARE = 0.8  # of the places with a clear difference
 # Over Vref: what k_h and k_l of tied wires differ by, and of a contact that is long; places.
 _TIED, _LONG, _MANY = 0.004, 0.05, 16
 _FEW = 8  # places
+_PASSES = 4  # times that a contact came to an outermost strip
 _MOVES, _ALONG = 0.2, 0.4  # over Vref, what neighbours must move; correlation
 _OFF_LINE = 0.75  # of the slope around: largest offset of two strips from the line
 # Different footprints of contacts that end between two strips, if all lie on one side, and at the sensor's edges.
@@ -192,7 +193,10 @@ def swapped_ends(work: WorkingCopy) -> Iterator[Suspect]:
             )
             numbers = {"misfit": a, "reversed_ends": b, "places": float(count)}
             repair = partial(_turn, strip=strip)
-            yield work.suspect("swapped-ends", [strip], evidence, numbers, a - b, repair=repair)
+            suspect = work.suspect("swapped-ends", [strip], evidence, numbers, a - b, repair=repair)
+            # A corner that ends there may do so in some presses.
+            few = strip in (0, work.strips - 1) and passes(np.flatnonzero(known[:, strip])) < _PASSES
+            yield replace(suspect, doubtful=few)
 
 
 def _correlates(expected: FloatArray, values: FloatArray) -> bool:
@@ -220,10 +224,9 @@ def swapped_strips(work: WorkingCopy) -> Iterator[Suspect]:
         at_edge = strip in (0, work.strips - 2)  # contacts go on to one side of the two only
         misfit, exchanged = slope.misfit, slope.misfit_exchanged
         one_sided = min(left, right) == 0 and not (slope.places >= _FEW and exchanged < 0.6 * misfit)
-        if at_edge:  # a contact that stays there has one gap, however long it stays
-            alike = footprints < _FOOTPRINTS_AT_EDGE
-        else:
-            alike = footprints < _FOOTPRINTS and exchanged > 0.9 * misfit
+        # A contact that stays has one gap, however long it stays.
+        few = footprints < (_FOOTPRINTS_AT_EDGE if at_edge else _FOOTPRINTS)
+        alike = few and (at_edge or exchanged > 0.9 * misfit)
         often = left + right >= 2 * _FEW and against == 0 and not alike
         edges = left + right >= 4 and left + right >= 5 * against and (often or not one_sided)
         clearly = slope.clear and exchanged < (0.25 if at_edge else 0.4) * misfit

@@ -23,9 +23,11 @@ from tacstrip.sensor.spec import Sensor
 PROFILE_I, PROFILE_II = 0.005, 0.01  # half-widths over Vref, table 5.1
 _ABOVE_II = 2.0  # times profile II's sigma: carbon rubber has 1.3 times it, and more while it is tapped
 _EXCESS = _ABOVE_II * PROFILE_II / math.sqrt(3.0)
-_TOGETHER = 0.6  # correlation of neighbours' differences: a contact that is elsewhere in every scan moves them all
-_NOISIER = 4.0  # times the other strips
-_ALONE = 2.0  # times its neighbours, where motion shows: it does on them, too
+_TOGETHER = (
+    0.6  # correlation of neighbours' differences: a contact that is elsewhere in every scan moves them all
+)
+_NOISIER = 3.2  # times the median strip
+_ALONE, _LOUD = 2.0, 2  # times the next strip: motion makes several look noisy; strips that may be noisy
 _SPILL = 0.7  # of a neighbour's noise: a strip with less may only show its neighbour's
 _WHITE = 0.6  # of the estimate from first differences: for noise it is the same, for motion larger
 _SLOW = 2.0  # times sigma: faster motion shows in third differences too
@@ -84,24 +86,20 @@ def measure(log: Log) -> NoiseEstimate:
 
 def excess_noise(noise: NoiseEstimate) -> Iterator[Finding]:
     """Find strips much noisier than the others, or a sensor noisier than profile II of the thesis."""
-    limit = max(_NOISIER * noise.sigma, PROFILE_I / math.sqrt(3.0))
-    loudest, least = _of_neighbours(noise.strips), _of_neighbours(noise.least)
-    moving = np.zeros(len(least), dtype=bool) if noise.steady else noise.least < _ALONE * least
+    others = np.sort(noise.least[np.isfinite(noise.least)])[:-_LOUD]
+    usual = max(_NOISIER * noise.sigma, _ALONE * float(others.max(initial=0.0)))
+    limit = max(usual, PROFILE_I / math.sqrt(3.0))
+    padded = np.pad(noise.strips, 1, constant_values=np.nan)
+    loudest = np.fmax(padded[:-2], padded[2:])
     to_half = 100.0 * math.sqrt(3.0)  # half-width of a uniform error [% of Vref]
     whole = f"{to_half * noise.sigma:.2g} %"
-    for strip in np.flatnonzero((noise.least > limit) & ~moving & ~(noise.strips < _SPILL * loudest)).tolist():
+    for strip in np.flatnonzero((noise.least > limit) & ~(noise.strips < _SPILL * loudest)).tolist():
         sigma = float(noise.strips[strip])
         evidence = f"+-{to_half * sigma:.2g} % of Vref, where the sensor as a whole has +-{whole}"
         yield Finding("noise", (strip,), evidence, {"sigma": sigma, "others": noise.sigma})
     if noise.steady and noise.sigma > _EXCESS:
         evidence = f"+-{whole} of Vref, above profile II: few shapes are recovered"
         yield Finding("noise", (), evidence, {"sigma": noise.sigma})
-
-
-def _of_neighbours(values: FloatArray) -> FloatArray:
-    """Return the larger value of the two strips beside each (strips,), NaN where neither has one."""
-    padded = np.pad(values, 1, constant_values=np.nan)
-    return np.asarray(np.fmax(padded[:-2], padded[2:]))
 
 
 def quality(sensor: Sensor, noise: NoiseEstimate) -> Quality:
