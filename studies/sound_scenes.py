@@ -277,7 +277,10 @@ def _sheet(sensor: Sensor, low: FloatArray, up: FloatArray) -> dict[str, FloatAr
     out = {name: np.zeros(low.shape) for name in sensor.signatures}
     ideal = replace(sensor, adc_bits=None)
     for scan in np.flatnonzero(np.isfinite(low).any(axis=1)).tolist():
-        bars = [_bar(sensor, i, low[scan, i], up[scan, i]) for i in np.flatnonzero(np.isfinite(low[scan]))]
+        bars = [
+            _bar(sensor, i, low[scan, i], up[scan, i])
+            for i in np.flatnonzero(np.isfinite(low[scan])).tolist()
+        ]
         read = simulate(ideal, sum(bars[1:], start=bars[0]))
         for name in out:
             out[name][scan] = np.nan_to_num(read[name])

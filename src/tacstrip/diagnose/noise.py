@@ -91,9 +91,14 @@ def excess_noise(noise: NoiseEstimate) -> Iterator[Finding]:
     limit = max(usual, PROFILE_I / math.sqrt(3.0))
     padded = np.pad(noise.strips, 1, constant_values=np.nan)
     loudest = np.fmax(padded[:-2], padded[2:])
+    least = np.pad(noise.least, 1, constant_values=np.nan)
+    # Motion is on neighbours, too, whose own noise tells nothing of this strip's.
+    moving = (np.fmax(least[:-2], least[2:]) > limit) & (not noise.steady)
     to_half = 100.0 * math.sqrt(3.0)  # half-width of a uniform error [% of Vref]
     whole = f"{to_half * noise.sigma:.2g} %"
-    for strip in np.flatnonzero((noise.least > limit) & ~(noise.strips < _SPILL * loudest)).tolist():
+    for strip in np.flatnonzero(
+        (noise.least > limit) & ~moving & ~(noise.strips < _SPILL * loudest)
+    ).tolist():
         sigma = float(noise.strips[strip])
         evidence = f"+-{to_half * sigma:.2g} % of Vref, where the sensor as a whole has +-{whole}"
         yield Finding("noise", (strip,), evidence, {"sigma": sigma, "others": noise.sigma})

@@ -1,17 +1,22 @@
-"""Whether a contact moved to and fro, and across."""
+"""Whether a contact moved to and fro, and whether it did more than one movement."""
 
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
-from tacstrip.arrays import BoolArray, FloatArray, IntArray
+from tacstrip.arrays import FloatArray, IntArray
 
 _BACK = 3  # times: twice may be one movement to and fro
 _PAUSE = 1  # other places between two visits
 _RANGE = 0.3  # over Vref: a contact that sways shows little else than its shape
-_NEAREST = 5  # places in height
-_ELSEWHERE = 1.0  # strips, twice what a contact's middle differs by at one height
+_MOST = 150  # places that are compared with each other
+_LIKE, _LIKE_NOISE, _FLICKER = (
+    0.015,
+    8.0,
+    4,
+)  # over Vref and deviations; channels at a contact's rim that come and go
+_NEXT = 4  # places
+_LATER = 0.04  # of the recording: another time
 
 
 def median_crossings(values: FloatArray, least: float) -> int:
@@ -31,19 +36,32 @@ def passes(rows: IntArray) -> int:
     return int(np.count_nonzero(np.diff(rows) > _PAUSE)) + 1 if len(rows) else 0
 
 
-def moved_across(there: BoolArray, level: FloatArray) -> bool:
-    """Whether a contact lay elsewhere across the strips when it came back to the same heights.
+def repeats(values: FloatArray, rows: IntArray, sigma: float) -> bool:
+    """Whether a contact does one movement again and again: most places have their like at another time.
 
-    Where it repeats one movement, its shape and its place across are functions of the height, as a fault may be.
+    Its shape and its place across are functions of the height then, as a fault may be, however often it comes.
 
     Parameters
     ----------
-    there
-        Strips in touch (places, strips).
-    level
-        Heights over Vref (places,).
+    values
+        Readings of all channels over Vref (all places, channels), NaN where untouched.
+    rows
+        The places that are looked at (places,), in order of time.
+    sigma
+        Standard deviation of a reading.
     """
-    order = np.argsort(level, kind="stable")
-    ends = there.argmax(axis=1) - there[:, ::-1].argmax(axis=1)
-    ordered = ends[order].astype(float)
-    return bool(np.std(ordered - uniform_filter1d(ordered, _NEAREST)) > _ELSEWHERE)
+    step = max(len(rows) // _MOST, 1)
+    one = rows[::step]
+    read = values[one]
+    known = np.isfinite(read)
+    both = (known[:, None] & known[None]).sum(axis=2)
+    differ = known.sum(axis=1)[:, None] + known.sum(axis=1)[None] - 2 * both
+    filled = np.nan_to_num(read)
+    apart = np.abs(filled[:, None] - filled[None])
+    apart[~(known[:, None] & known[None])] = 0.0
+    alike = (differ <= _FLICKER) & (both > 0) & (apart.max(axis=2) < max(_LIKE, _LIKE_NOISE * sigma))
+    alike &= np.abs(one[:, None] - one[None]) > len(values) * _LATER
+    # What comes next is alike there, too, on the way there or back: other ways only cross.
+    on = max(_NEXT // step, 1)
+    there, back = alike[:-on, :-on] & alike[on:, on:], alike[:-on, on:] & alike[on:, :-on]
+    return bool(there.size) and float((there.any(axis=1) | back.any(axis=1)).mean()) > 0.5

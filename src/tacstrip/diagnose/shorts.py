@@ -11,7 +11,7 @@ import numpy as np
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.diagnose.bend_model import BendModel
 from tacstrip.diagnose.neighbour_prediction import Suspect, WorkingCopy
-from tacstrip.diagnose.regression import moved_across, moved_to_and_fro, passes
+from tacstrip.diagnose.regression import moved_to_and_fro, passes, repeats
 from tacstrip.sensor.constructions import SIGNATURES
 
 _HEIGHTS = np.linspace(0.25, 1.0, 6)  # over L, at which a bridge is looked for: of contacts on one side of it
@@ -61,12 +61,23 @@ def shorts(work: WorkingCopy) -> Iterator[Suspect]:
     through the other. Between CRS-CRS's energised strips, all on one supply, a bridge changes next to nothing.
     """
     if work.sensor.sensing_ratio:
-        return _tied_sensing(work)
+        yield from _not_repeated(work, _tied_sensing(work))
+        return
     held = list(_held_by_a_bridge(work))
-    return iter(held) if held else _bridged_energised(work)
+    yield from held or _not_repeated(work, _bridged_energised(work))
 
 
-def _tied_sensing(work: WorkingCopy) -> Iterator[Suspect]:
+def _not_repeated(work: WorkingCopy, found: Iterator[tuple[int, Suspect]]) -> Iterator[Suspect]:
+    """Yield suspects of pairs; where all that came there is one movement, it is asked for what would have been told."""
+    for strip, suspect in found:
+        rows = np.flatnonzero(work.there[:, strip : strip + 2].all(axis=1))
+        if not repeats(np.concatenate(list(work.k.values()), axis=1), rows, work.sigma):
+            yield suspect
+        elif not suspect.doubtful:
+            yield replace(suspect, doubtful=True)
+
+
+def _tied_sensing(work: WorkingCopy) -> Iterator[tuple[int, Suspect]]:
     """Find pairs whose difference is noise and offset alone, where that of all other pairs changes with the contact."""
     best: dict[int, tuple[float, Suspect]] = {}
     alike: dict[
@@ -117,12 +128,14 @@ def _tied_sensing(work: WorkingCopy) -> Iterator[Suspect]:
         )
         for pair, (ratio, suspect) in best.items()
     }
-    yield from (suspect for _, suspect in best.values())
+    yield from ((pair, suspect) for pair, (_, suspect) in best.items())
     if alike.keys() - best.keys():
         yield from _flattened(work, {pair: seen for pair, seen in alike.items() if pair not in best})
 
 
-def _flattened(work: WorkingCopy, alike: Mapping[int, tuple[float, float, int]]) -> Iterator[Suspect]:
+def _flattened(
+    work: WorkingCopy, alike: Mapping[int, tuple[float, float, int]]
+) -> Iterator[tuple[int, Suspect]]:
     """Find which of the pairs that differ as noise does are flat where the signature around them is not."""
     changes = []
     for i in range(work.strips - 1):
@@ -147,7 +160,7 @@ def _flattened(work: WorkingCopy, alike: Mapping[int, tuple[float, float, int]])
                 work, strip, _ODDS
             )
             suspect = work.suspect("short", [strip, strip + 1], evidence, numbers, usual)
-            yield replace(suspect, doubtful=doubtful)
+            yield strip, replace(suspect, doubtful=doubtful)
 
 
 def _least_odds(work: WorkingCopy, strip: int, inside: float) -> float:
@@ -158,8 +171,7 @@ def _odds_of_flat(work: WorkingCopy, strip: int) -> float:
     """Return the logarithm of the odds that a pair differs by noise alone, and not by half the slope around it.
 
     By what either leaves beside offset and gain, in the signature and on the side of a bridge where most speaks for
-    it; places of one pass err alike. A pair that is noisy, or flat because the contact is, does not tell, nor does a
-    contact that repeats one movement: 0.
+    it; places of one pass err alike. A pair that is noisy, or flat because the contact is, does not tell: 0.
     """
     best, noise = 0.0, np.sqrt(2.0) * work.sigma
     for name, values in work.k.items():
@@ -170,7 +182,7 @@ def _odds_of_flat(work: WorkingCopy, strip: int) -> float:
             below = level < height - _CLEAR
             at = known & (below if SIGNATURES[name].at_upper_end else level > 1.0 - height + _CLEAR)
             rows = np.flatnonzero(at)
-            if len(rows) < _FEWEST_LOOKS or not moved_across(work.there[rows], level[rows]):
+            if len(rows) < _FEWEST_LOOKS:
                 continue
             flat, half = (_left(y[rows], level[rows]) for y in (difference, difference - slope / 2.0))
             if flat < _NOISE * noise and half > _BENDS * max(flat, noise):
@@ -293,7 +305,7 @@ class _Held:
         )
 
 
-def _bridged_energised(work: WorkingCopy) -> Iterator[Suspect]:
+def _bridged_energised(work: WorkingCopy) -> Iterator[tuple[int, Suspect]]:
     (values,) = work.k.values()
     changes = []
     for i in range(work.strips - 1):
@@ -310,9 +322,7 @@ def _bridged_energised(work: WorkingCopy) -> Iterator[Suspect]:
             )
             numbers = {"most": most, "least": least, "strength": bridge.strength, "gain": bridge.gain}
             suspect = work.suspect("short", [strip, strip + 1], evidence, numbers, size)
-            at = np.isfinite(_level(values, strip)) & work.there[:, strip : strip + 2].any(axis=1)
-            one_line = not moved_across(work.there[at], _level(values, strip)[at])
-            yield replace(suspect, doubtful=bridge.gain < _TIMES * others or one_line)
+            yield strip, replace(suspect, doubtful=bridge.gain < _TIMES * others)
 
 
 @dataclass(frozen=True)
