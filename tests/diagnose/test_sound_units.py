@@ -7,7 +7,9 @@ import pytest
 
 from studies.sound_units import recording
 from tacstrip.diagnose import Log, diagnose
+from tacstrip.diagnose.exchanged import _sign_reversed
 from tacstrip.diagnose.neighbour_prediction import places, working_copy
+from tacstrip.diagnose.regression import repeats
 from tacstrip.diagnose.shorts import _odds_of_flat
 from tacstrip.sensor.spec import Sensor
 
@@ -66,3 +68,25 @@ def _pair(follows: float) -> float:
 def test_a_tied_pair_is_flat_and_a_sound_one_follows_the_slope() -> None:
     assert _pair(0.0) > 10.0
     assert _pair(1.0) == 0.0
+
+
+def test_offsets_and_exchanged_wires_are_weighed_where_a_contact_stays() -> None:
+    """One difference and one prediction: offsets of some per cent do it too, and then it is asked."""
+
+    def told(difference: float, predicted: float) -> bool | None:
+        return _sign_reversed(np.array([difference]), np.array([predicted]), difference, (0.08, 0.025), 0.001)
+
+    assert told(0.05, 0.05) is None
+    assert told(-0.03, 0.05) is None
+    assert told(-0.042, 0.04) is False
+    assert told(-0.1, 0.1) is True
+
+
+def test_a_movement_that_is_repeated_is_told_from_ways_that_cross() -> None:
+    steps = np.linspace(0.0, 40.0, 400)
+    to_and_fro = 0.5 + 0.3 * np.sin(steps)
+    other = 0.05 * np.sin(1.7 * steps)
+    rows = np.arange(len(steps))
+    strips = np.arange(8.0)
+    assert repeats(to_and_fro[:, None] + 0.01 * strips, rows, 0.001)
+    assert not repeats(to_and_fro[:, None] + other[:, None] * strips, rows, 0.001)

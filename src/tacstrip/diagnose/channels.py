@@ -32,6 +32,8 @@ _SIDE = 0.93  # of pairs of a height on a rail and one off it, in the same order
 _ALL_THE_TIME, _VISITS = 0.9, 3  # of the places: an object that lies still does not come and go; visits
 _ALIKE = 0.7  # correlation of a strip's neighbours that are under one object
 _FEW, _SOME = 3, 8  # places
+_ONE_VISIT = 0.1  # of the places: a contact that goes beyond a limit only then does so once
+_ACROSS = 3  # strips, twice what the middle of a contact moves across
 _FAR_FROM_REST = 2.5  # times what counts as touched
 _ONE_CONTACT = 0.2  # over Vref: strips under one contact do not differ by more
 
@@ -199,21 +201,21 @@ def _open_end(at_vref: bool) -> str:
     return f"open at its {end}: look at that clamp and its wire to {wire}"
 
 
-def _followed(work: WorkingCopy) -> Iterator[tuple[str, int, FloatArray, FloatArray]]:
-    """Yield the channels whose neighbours move together: signature, strip, readings and predictions (places,)."""
+def _followed(work: WorkingCopy) -> Iterator[tuple[str, int, FloatArray, FloatArray, IntArray]]:
+    """Yield the channels whose neighbours move together: signature, strip, readings, predictions, rows (places,)."""
     for name, values in work.k.items():
         e, _ = neighbour_residuals(work, name)
         for strip in range(work.strips):
             known = np.isfinite(e[:, strip])
             if known.sum() >= _SOME and _alike(values[known], strip):
-                yield name, strip, values[known, strip], e[known, strip]
+                yield name, strip, values[known, strip], e[known, strip], np.flatnonzero(known)
 
 
 def not_moving(work: WorkingCopy) -> Iterator[Suspect]:
     """Find channels that keep one value while their neighbours move."""
     still = max(0.004, 3.0 * work.sigma)
     without_contact = work.touched_without_contact()
-    for name, strip, values, expected in _followed(work):
+    for name, strip, values, expected, _ in _followed(work):
         own, predicted = _spread(values), _spread(expected)
         rests = _rests(work, strip, still)
         if rests and not without_contact[strip]:
@@ -267,25 +269,29 @@ def _alike(values: FloatArray, strip: int) -> bool:
 
 def clipped(work: WorkingCopy) -> Iterator[Suspect]:
     """Find channels that follow their neighbours up (or down) to a level, and no further."""
-    for name, strip, own, predicted in _followed(work):
+    for name, strip, own, predicted, rows in _followed(work):
         for sign, side in ((1.0, "above"), (-1.0, "below")):
             stop = _saturation_level(sign * own, sign * predicted, work.sigma)
             if stop is None:
                 continue
-            level, beyond, misfit = stop
+            level, at, misfit = stop
+            beyond = int(at.sum())
             evidence = (
                 f"never {side} {sign * level:.4g} Vref, {beyond} times just there while its neighbours went further, "
                 f"by {100 * misfit:.3g} % of Vref in the mean"
             )
             numbers = {"level": sign * level, "places": float(beyond), "misfit": misfit}
             drop = partial(_drop_end, strip=strip, name=name, level=sign * level, sign=sign)
-            yield work.suspect("saturation", [strip], evidence, numbers, misfit, name, drop)
+            suspect = work.suspect("saturation", [strip], evidence, numbers, misfit, name, drop)
+            # A block's corner passes over a strip while its straight edge stays at one height.
+            once = bool(np.ptp(rows[at]) < _ONE_VISIT * len(work.there))
+            yield replace(suspect, doubtful=once)
 
 
 def _saturation_level(
     own: FloatArray, predicted: FloatArray, sigma: float
-) -> tuple[float, int, float] | None:
-    """Return the level that readings stop at, how often, and the mean misfit; None where they do not stop."""
+) -> tuple[float, BoolArray, float] | None:
+    """Return the level that readings stop at, where, and the mean misfit there; None where they do not stop."""
     if _spread(own) < _SPREAD:
         return None
     level = float(own.max())
@@ -302,7 +308,7 @@ def _saturation_level(
         or _spread(predicted[beyond]) < _SPREAD
     ):
         return None
-    return level, int(beyond.sum()), float((predicted - own)[beyond].mean())
+    return level, beyond, float((predicted - own)[beyond].mean())
 
 
 def _drop_end(work: WorkingCopy, strip: int, name: str, level: float, sign: float) -> None:
@@ -319,10 +325,10 @@ def never_touched(work: WorkingCopy) -> Iterator[Suspect]:
         over = away[:, strip - 1] & away[:, strip + 1]
         for values in work.k.values():  # one contact, not two with a gap between them
             over &= ~(np.abs(values[:, strip + 1] - values[:, strip - 1]) > _ONE_CONTACT)
-        edges = {(int(np.argmax(row)), int(np.argmax(row[::-1]))) for row in work.there[over]}
-        moved = len({a for a, _ in edges}) + len({b for _, b in edges}) >= _FEW
+        first = work.there[over].argmax(axis=1)
+        last = work.strips - 1 - work.there[over][:, ::-1].argmax(axis=1)
         count = int(over.sum())
-        if count >= _FEW and moved:
+        if count >= _FEW and np.ptp(first) + np.ptp(last) >= 1:
             fault = "dead"
             evidence = f"reads no contact in {count} places where both its neighbours do, though the contact moves on"
             on_ground = bool(work.at_ground[work.order[strip]])
@@ -330,7 +336,9 @@ def never_touched(work: WorkingCopy) -> Iterator[Suspect]:
                 fault = "open-strip"
                 end = _open_end(at_vref=False)
                 evidence += f"{', and is on ground throughout' * on_ground}; {end}, then at the sensing wires"
-            yield work.suspect(fault, [strip], evidence, {"places": float(count)}, 1.0)
+            suspect = work.suspect(fault, [strip], evidence, {"places": float(count)}, 1.0)
+            # Two objects that stay side by side have a gap between them, whatever their rims do.
+            yield replace(suspect, doubtful=bool(np.ptp(first + last) < _ACROSS))
 
 
 def _away_from_rest(work: WorkingCopy) -> BoolArray:

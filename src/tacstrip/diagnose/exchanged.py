@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -16,7 +16,7 @@ from tacstrip.diagnose.neighbour_prediction import (
     neighbour_residuals,
     predict_from_neighbours,
 )
-from tacstrip.diagnose.regression import moved_to_and_fro
+from tacstrip.diagnose.regression import moved_to_and_fro, passes
 from tacstrip.robust import robust_sigma
 from tacstrip.sensor.exchanged import read_twice
 
@@ -27,14 +27,17 @@ _TURNS, _FALLS = 0.8, 0.5  # negative correlation of k_h - k_l with its predicti
 _ODDS = (
     5.0  # logarithm of the odds of the two offsets that a strip would have, with its wires exchanged and not
 )
+_BEYOND = 2.0  # times the deviation, of a prediction that is extrapolated
 _STRIPS, _SURE = 4, 5.0  # on so many strips offsets differ; standard errors of their mean
 _SHARE = 0.8  # of the places with a clear difference
 # Over Vref: what k_h and k_l of tied wires differ by, and of a contact that is long; places.
 _TIED, _LONG, _MANY = 0.004, 0.05, 16
 _FEW = 8  # places
+_PASSES = 4  # times that a contact came to an outermost strip
 _MOVES, _ALONG = 0.2, 0.4  # over Vref, what neighbours must move; correlation
 _OFF_LINE = 0.75  # of the slope around: largest offset of two strips from the line
-_FOOTPRINTS = 5  # different ones of contacts that end between two strips, if all lie on one side
+# Different footprints of contacts that end between two strips, if all lie on one side, and at the sensor's edges.
+_FOOTPRINTS, _FOOTPRINTS_AT_EDGE = 5, 3
 _UNUSUAL = 2.0  # times the median misfit of all pairs
 
 
@@ -55,6 +58,7 @@ def swapped_wires(work: WorkingCopy) -> Iterator[Suspect]:
     exchanged = np.flatnonzero(clear & often).tolist()
     least = _OFFSETS if work.sensor.calibration is None else 2.0 * _CROSSED
     spread = _spread_of_offsets(difference - e_h + e_l)
+    inside = predict_from_neighbours(work.pair[0], work.there)[1]
     touched = known > 0
     if len(exchanged) > max(2, 0.6 * np.count_nonzero(touched)) and _all_below(mean[touched], least):
         evidence = (
@@ -70,13 +74,16 @@ def swapped_wires(work: WorkingCopy) -> Iterator[Suspect]:
         if then > now and at.any():  # one channel alone is off, by its neighbours' prediction
             continue
         below, predicted = float(mean[strip]), (e_h - e_l)[at, strip]
-        if not _sign_reversed(difference[at, strip], predicted, below, (least, spread), work.sigma):
+        doubt = spread if inside[at, strip].any() else _BEYOND * spread
+        told = _sign_reversed(difference[at, strip], predicted, below, (least, doubt), work.sigma)
+        if told is None:
             continue
         count, of = int(wrong[:, strip].sum()), int(clear_at[:, strip].sum())
         evidence = f"v_h lies {-100 * below:.3g} % of Vref below v_l, in {count} of {of} places with a clear difference"
         numbers = {"difference": below, "places": count, "of": of}
         explained, repair = max(now - then, 1e-3) / 2.0, partial(_swap_wires, strip=strip)
-        yield work.suspect("swapped-wires", [strip], evidence, numbers, explained, repair=repair)
+        suspect = work.suspect("swapped-wires", [strip], evidence, numbers, explained, repair=repair)
+        yield replace(suspect, doubtful=not told)
 
 
 def tied_wires(work: WorkingCopy) -> Iterator[Suspect]:
@@ -119,33 +126,36 @@ def _all_below(mean: FloatArray, least: float) -> bool:
 
 def _sign_reversed(
     difference: FloatArray, predicted: FloatArray, mean: float, offsets: tuple[float, float], sigma: float
-) -> bool:
-    """Whether k_h - k_l (places,) has the opposite sign of its prediction, and no offset explains that.
+) -> bool | None:
+    """Whether k_h - k_l (places,) has the opposite sign of its prediction; None if not, False if an offset may do it.
 
     An offset adds one number to all places. Exchanged wires reverse the sign: where the contact is long, the
-    difference lies far below 0, and where it grows the difference falls. `offsets`: the largest of a unit without
-    calibration, and the deviation of this one's.
+    difference lies far below 0, and where it grows the difference falls. Of a contact that stays as it is there is one
+    difference and one prediction, and the two offsets that the strip would have, exchanged or not, are weighed by
+    what other strips have. `offsets`: the largest of a unit without calibration, and the deviation of this one's.
     """
     least, spread = offsets
     if not len(predicted):
-        return mean < -least
+        return True if mean < -least else None
     level = float(predicted.mean())
     below = -2.0 * mean > least and mean - level < -least and -mean > level / 2.0
     grows = float(np.std(predicted))
-    if len(predicted) < _FEW or grows < 3.0 * sigma or not np.ptp(difference):
-        return below
-    along = float(np.corrcoef(predicted, difference)[0, 1])
     as_is, exchanged = mean - level, mean + level  # the offset that the strip has
-    by_offset = (as_is**2 - exchanged**2) / (2.0 * spread**2) > _ODDS and along < -_FALLS
-    if grows < 2.0 * _CROSSED:
-        return below or by_offset
-    return along < -_TURNS or (below and along < 0.0) or by_offset
+    weighed = (as_is**2 - exchanged**2) / (2.0 * spread**2) > _ODDS
+    if len(predicted) < _FEW or grows < 3.0 * sigma or not np.ptp(difference):
+        return weighed if below else None
+    along = float(np.corrcoef(predicted, difference)[0, 1])
+    if along < -_FALLS and (weighed or (along < -_TURNS and grows >= 2.0 * _CROSSED)):
+        return True
+    if grows >= 2.0 * _CROSSED and along >= 0.0:
+        return None
+    return weighed if below else None
 
 
 def _spread_of_offsets(off: FloatArray) -> float:
     """Return the deviation of strips' offsets over Vref, from k_h - k_l less its prediction (places, strips)."""
     known = np.isfinite(off)
-    enough = known.sum(axis=0) >= _FEW
+    enough = known.sum(axis=0) >= min(_FEW, len(off))
     if enough.sum() < 2 * _STRIPS:
         return _OWN_OFFSETS[1]
     each = np.nanmedian(off[:, enough], axis=0)
@@ -183,7 +193,10 @@ def swapped_ends(work: WorkingCopy) -> Iterator[Suspect]:
             )
             numbers = {"misfit": a, "reversed_ends": b, "places": float(count)}
             repair = partial(_turn, strip=strip)
-            yield work.suspect("swapped-ends", [strip], evidence, numbers, a - b, repair=repair)
+            suspect = work.suspect("swapped-ends", [strip], evidence, numbers, a - b, repair=repair)
+            # A corner that ends there may do so in some presses.
+            few = strip in (0, work.strips - 1) and passes(np.flatnonzero(known[:, strip])) < _PASSES
+            yield replace(suspect, doubtful=few)
 
 
 def _correlates(expected: FloatArray, values: FloatArray) -> bool:
@@ -211,7 +224,9 @@ def swapped_strips(work: WorkingCopy) -> Iterator[Suspect]:
         at_edge = strip in (0, work.strips - 2)  # contacts go on to one side of the two only
         misfit, exchanged = slope.misfit, slope.misfit_exchanged
         one_sided = min(left, right) == 0 and not (slope.places >= _FEW and exchanged < 0.6 * misfit)
-        alike = footprints < _FOOTPRINTS and not at_edge and exchanged > 0.9 * misfit
+        # A contact that stays has one gap, however long it stays.
+        few = footprints < (_FOOTPRINTS_AT_EDGE if at_edge else _FOOTPRINTS)
+        alike = few and (at_edge or exchanged > 0.9 * misfit)
         often = left + right >= 2 * _FEW and against == 0 and not alike
         edges = left + right >= 4 and left + right >= 5 * against and (often or not one_sided)
         clearly = slope.clear and exchanged < (0.25 if at_edge else 0.4) * misfit

@@ -20,6 +20,7 @@ _SEGMENT_S = 1.0  # in which a line keeps its phase, whatever the clock and the 
 _SHORTEST = 32  # scans of a segment
 _FEWEST = 24  # readings of a strip
 _CLIP = 5.0  # times the median: jumps
+_BELOW = 2  # nearby frequencies
 _NEAR = np.setdiff1d(np.arange(-14, 15), np.arange(-2, 3)) * 0.7  # nearby frequencies, in 1 / visit
 
 
@@ -71,7 +72,9 @@ def _line(log: Log, mains: float, period: float, edges: IntArray) -> tuple[Float
     aside = np.abs(nearby - rate * np.round(nearby / rate))
     gains = 1.0 - np.cos(2.0 * np.pi * aside * period * lag)
     use = gains > 0.3 * gain
-    if use.sum() < 5:
+    below = aside[use] < folded
+    # Motion has the more power the lower the frequency: what it has at the line lies between both sides' power.
+    if use.sum() < 5 or below.sum() < _BELOW:
         return power, counts
     hertz = np.concatenate([mains + np.array([-0.4, 0.0, 0.4]) / lasts, nearby[use]])
     gains = np.concatenate([np.full(3, gain), gains[use]])
@@ -102,7 +105,8 @@ def _line(log: Log, mains: float, period: float, edges: IntArray) -> tuple[Float
             found = 4.0 * np.abs(spectrum[bins]) ** 2 / (gains[:, None] * np.maximum(count, 1)) ** 2
             count = np.where(count >= _FEWEST, count, 0)
             power[0, s] += found[:3].max(axis=0) * count
-            power[1, s] += np.median(found[3:], axis=0) * count
+            sides = [np.median(found[3:][side], axis=0) for side in (below, ~below) if side.any()]
+            power[1, s] += np.prod(sides, axis=0) ** (1.0 / len(sides)) * count
             counts[s] += count
     return power, counts
 

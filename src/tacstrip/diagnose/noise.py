@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -21,7 +22,12 @@ from tacstrip.sensor.spec import Sensor
 
 PROFILE_I, PROFILE_II = 0.005, 0.01  # half-widths over Vref, table 5.1
 _ABOVE_II = 2.0  # times profile II's sigma: carbon rubber has 1.3 times it, and more while it is tapped
-_NOISIER = 4.0  # times the other strips
+_EXCESS = _ABOVE_II * PROFILE_II / math.sqrt(3.0)
+_TOGETHER = (
+    0.6  # correlation of neighbours' differences: a contact that is elsewhere in every scan moves them all
+)
+_NOISIER = 3.2  # times the median strip
+_ALONE, _LOUD = 2.0, 2  # times the next strip: motion makes several look noisy; strips that may be noisy
 _SPILL = 0.7  # of a neighbour's noise: a strip with less may only show its neighbour's
 _WHITE = 0.6  # of the estimate from first differences: for noise it is the same, for motion larger
 _SLOW = 2.0  # times sigma: faster motion shows in third differences too
@@ -72,21 +78,31 @@ def measure(log: Log) -> NoiseEstimate:
         return NoiseEstimate(_sigma_across_strips(log), strips, False, least)
     sigma = float(np.median(known))
     rough = float(np.nanmedian(first_order)) if np.isfinite(first_order).any() else math.inf
-    return NoiseEstimate(sigma, strips, sigma > _WHITE * rough and _speed(log) < _SLOW * sigma, least)
+    steady = sigma > _WHITE * rough and _speed(log) < _SLOW * sigma
+    if sigma > _EXCESS:
+        steady = steady and _apart(log, since)
+    return NoiseEstimate(sigma, strips, steady, least)
 
 
 def excess_noise(noise: NoiseEstimate) -> Iterator[Finding]:
     """Find strips much noisier than the others, or a sensor noisier than profile II of the thesis."""
-    limit = max(_NOISIER * noise.sigma, PROFILE_I / math.sqrt(3.0))
+    others = np.sort(noise.least[np.isfinite(noise.least)])[:-_LOUD]
+    usual = max(_NOISIER * noise.sigma, _ALONE * float(others.max(initial=0.0)))
+    limit = max(usual, PROFILE_I / math.sqrt(3.0))
     padded = np.pad(noise.strips, 1, constant_values=np.nan)
     loudest = np.fmax(padded[:-2], padded[2:])
+    least = np.pad(noise.least, 1, constant_values=np.nan)
+    # Motion is on neighbours, too, whose own noise tells nothing of this strip's.
+    moving = (np.fmax(least[:-2], least[2:]) > limit) & (not noise.steady)
     to_half = 100.0 * math.sqrt(3.0)  # half-width of a uniform error [% of Vref]
     whole = f"{to_half * noise.sigma:.2g} %"
-    for strip in np.flatnonzero((noise.least > limit) & ~(noise.strips < _SPILL * loudest)).tolist():
+    for strip in np.flatnonzero(
+        (noise.least > limit) & ~moving & ~(noise.strips < _SPILL * loudest)
+    ).tolist():
         sigma = float(noise.strips[strip])
         evidence = f"+-{to_half * sigma:.2g} % of Vref, where the sensor as a whole has +-{whole}"
         yield Finding("noise", (strip,), evidence, {"sigma": sigma, "others": noise.sigma})
-    if noise.steady and noise.sigma > _ABOVE_II * PROFILE_II / math.sqrt(3.0):
+    if noise.steady and noise.sigma > _EXCESS:
         evidence = f"+-{whole} of Vref, above profile II: few shapes are recovered"
         yield Finding("noise", (), evidence, {"sigma": noise.sigma})
 
@@ -122,6 +138,19 @@ def _speed(log: Log) -> float:
     steps = np.concatenate([np.abs(np.diff(v, axis=0)).ravel() for v in log.k.values()])
     steps = steps[np.isfinite(steps)]
     return float(np.median(steps)) if len(steps) else 0.0
+
+
+def _apart(log: Log, since: IntArray) -> bool:
+    """Whether neighbours' changes from scan to scan differ, as noise does."""
+    found = []
+    for values in log.k.values():
+        steps = np.diff(values, axis=0)
+        steps[since[1:] != since[:-1]] = np.nan
+        for one, two in pairwise(steps.T):
+            both = np.isfinite(one) & np.isfinite(two)
+            if both.sum() >= _FEWEST and min(np.ptp(one[both]), np.ptp(two[both])) > 0.0:
+                found.append(float(np.corrcoef(one[both], two[both])[0, 1]))
+    return not found or float(np.median(found)) < _TOGETHER
 
 
 def _off_rails(values: FloatArray) -> FloatArray:

@@ -42,10 +42,8 @@ def pressure(log: Log) -> Iterator[Finding]:
     sideways = min(_leaves_low(np.where(log.touched, values, np.nan)) for values in log.raw.values())
     if sideways > _SIDEWAYS:
         evidence = (
-            f"contacts that come to a strip or leave it read low there, {100 * sideways:.3g} % of them beside"
-        )
-        evidence += (
-            " strips that read high: readings grow with pressure, and do not say where the contact lies"
+            f"contacts that come to a strip or leave it read low there, {100 * sideways:.3g} % of them or more "
+            "beside strips that read high: readings grow with pressure, and do not say where the contact lies"
         )
         yield Finding("pressure", (), evidence, {"sideways": sideways})
     elif fades > _RIMS and starting > _STARTS:
@@ -121,9 +119,10 @@ def _leaves_low(values: FloatArray) -> float:
     top, own = float(np.quantile(values[there], 0.98)), values[scan, strip]
     if np.quantile(own, 0.9) > _LOW * top:
         return -1.0
-    # The second-highest beside: one strip may be ill.
-    first, second = own.copy(), own.copy()
-    for side in (-1, 1):
+    low = np.zeros((2, len(scan)), dtype=bool)
+    for which, side in enumerate((-1, 1)):
+        # The second-highest beside: one strip may be ill.
+        first, second = own.copy(), own.copy()
         same = np.ones(len(scan), dtype=bool)  # one contact: another finger may lie higher
         for away in range(1, _AWAY + 1):
             at = strip + side * away
@@ -132,4 +131,6 @@ def _leaves_low(values: FloatArray) -> float:
             new = values[scan[same], at[same]]
             second[same] = np.maximum(second[same], np.minimum(first[same], new))
             first[same] = np.maximum(first[same], new)
-    return float(np.mean((second > 0.5 * top) & (own < 0.5 * second)))
+        low[which] = (second > 0.5 * top) & (own < 0.5 * second)
+    # A leg of an object may lie low on one side; pressure fades on both.
+    return float(2.0 * low.mean(axis=1).min())

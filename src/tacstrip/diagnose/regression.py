@@ -1,4 +1,4 @@
-"""Whether a contact moved to and fro."""
+"""Whether a contact moved to and fro, and whether it did more than one movement."""
 
 from __future__ import annotations
 
@@ -9,6 +9,14 @@ from tacstrip.arrays import FloatArray, IntArray
 _BACK = 3  # times: twice may be one movement to and fro
 _PAUSE = 1  # other places between two visits
 _RANGE = 0.3  # over Vref: a contact that sways shows little else than its shape
+_MOST = 150  # places that are compared with each other
+_LIKE, _LIKE_NOISE, _FLICKER = (
+    0.015,
+    8.0,
+    4,
+)  # over Vref and deviations; channels at a contact's rim that come and go
+_NEXT = 4  # places
+_LATER = 0.04  # of the recording: another time
 
 
 def median_crossings(values: FloatArray, least: float) -> int:
@@ -26,3 +34,34 @@ def moved_to_and_fro(level: FloatArray, sigma: float, least: float = _RANGE) -> 
 def passes(rows: IntArray) -> int:
     """Return how many times a contact came, from the places (rows,) where it was there."""
     return int(np.count_nonzero(np.diff(rows) > _PAUSE)) + 1 if len(rows) else 0
+
+
+def repeats(values: FloatArray, rows: IntArray, sigma: float) -> bool:
+    """Whether a contact does one movement again and again: most places have their like at another time.
+
+    Its shape and its place across are functions of the height then, as a fault may be, however often it comes.
+
+    Parameters
+    ----------
+    values
+        Readings of all channels over Vref (all places, channels), NaN where untouched.
+    rows
+        The places that are looked at (places,), in order of time.
+    sigma
+        Standard deviation of a reading.
+    """
+    step = max(len(rows) // _MOST, 1)
+    one = rows[::step]
+    read = values[one]
+    known = np.isfinite(read)
+    both = (known[:, None] & known[None]).sum(axis=2)
+    differ = known.sum(axis=1)[:, None] + known.sum(axis=1)[None] - 2 * both
+    filled = np.nan_to_num(read)
+    apart = np.abs(filled[:, None] - filled[None])
+    apart[~(known[:, None] & known[None])] = 0.0
+    alike = (differ <= _FLICKER) & (both > 0) & (apart.max(axis=2) < max(_LIKE, _LIKE_NOISE * sigma))
+    alike &= np.abs(one[:, None] - one[None]) > len(values) * _LATER
+    # What comes next is alike there, too, on the way there or back: other ways only cross.
+    on = max(_NEXT // step, 1)
+    there, back = alike[:-on, :-on] & alike[on:, on:], alike[:-on, on:] & alike[on:, :-on]
+    return bool(there.size) and float((there.any(axis=1) | back.any(axis=1)).mean()) > 0.5

@@ -11,7 +11,7 @@ import numpy as np
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.diagnose.bend_model import BendModel
 from tacstrip.diagnose.neighbour_prediction import Suspect, WorkingCopy
-from tacstrip.diagnose.regression import moved_to_and_fro, passes
+from tacstrip.diagnose.regression import moved_to_and_fro, passes, repeats
 from tacstrip.sensor.constructions import SIGNATURES
 
 _HEIGHTS = np.linspace(0.25, 1.0, 6)  # over L, at which a bridge is looked for: of contacts on one side of it
@@ -33,6 +33,7 @@ _TIED, _SLOPE = (
 # Of a tied pair: logarithm of the odds against a pair that follows half the slope around; where that is extrapolated;
 # and the gain of a pair that is told by the bends around it. Less is a question.
 _ODDS_TIED, _ODDS, _ODDS_AT_EDGE, _BENT_SURELY = 0.5, 2.0, 20.0, 100.0
+_BENDS = 1.2  # times noise: less may be chance
 _LOOKS, _FEWEST_LOOKS = 3, 15  # places of a pass that count: they err alike; places
 _JUMP, _RESOLVED = 0.04, 0.004  # over Vref: from the next strip; of a level
 _ONE_LEVEL = 0.06  # over Vref: offsets of two strips that read one level
@@ -60,12 +61,23 @@ def shorts(work: WorkingCopy) -> Iterator[Suspect]:
     through the other. Between CRS-CRS's energised strips, all on one supply, a bridge changes next to nothing.
     """
     if work.sensor.sensing_ratio:
-        return _tied_sensing(work)
+        yield from _not_repeated(work, _tied_sensing(work))
+        return
     held = list(_held_by_a_bridge(work))
-    return iter(held) if held else _bridged_energised(work)
+    yield from held or _not_repeated(work, _bridged_energised(work))
 
 
-def _tied_sensing(work: WorkingCopy) -> Iterator[Suspect]:
+def _not_repeated(work: WorkingCopy, found: Iterator[tuple[int, Suspect]]) -> Iterator[Suspect]:
+    """Yield suspects of pairs; where all that came there is one movement, it is asked for what would have been told."""
+    for strip, suspect in found:
+        rows = np.flatnonzero(work.there[:, strip : strip + 2].all(axis=1))
+        if not repeats(np.concatenate(list(work.k.values()), axis=1), rows, work.sigma):
+            yield suspect
+        elif not suspect.doubtful:
+            yield replace(suspect, doubtful=True)
+
+
+def _tied_sensing(work: WorkingCopy) -> Iterator[tuple[int, Suspect]]:
     """Find pairs whose difference is noise and offset alone, where that of all other pairs changes with the contact."""
     best: dict[int, tuple[float, Suspect]] = {}
     alike: dict[
@@ -116,12 +128,14 @@ def _tied_sensing(work: WorkingCopy) -> Iterator[Suspect]:
         )
         for pair, (ratio, suspect) in best.items()
     }
-    yield from (suspect for _, suspect in best.values())
+    yield from ((pair, suspect) for pair, (_, suspect) in best.items())
     if alike.keys() - best.keys():
         yield from _flattened(work, {pair: seen for pair, seen in alike.items() if pair not in best})
 
 
-def _flattened(work: WorkingCopy, alike: Mapping[int, tuple[float, float, int]]) -> Iterator[Suspect]:
+def _flattened(
+    work: WorkingCopy, alike: Mapping[int, tuple[float, float, int]]
+) -> Iterator[tuple[int, Suspect]]:
     """Find which of the pairs that differ as noise does are flat where the signature around them is not."""
     changes = []
     for i in range(work.strips - 1):
@@ -146,7 +160,7 @@ def _flattened(work: WorkingCopy, alike: Mapping[int, tuple[float, float, int]])
                 work, strip, _ODDS
             )
             suspect = work.suspect("short", [strip, strip + 1], evidence, numbers, usual)
-            yield replace(suspect, doubtful=doubtful)
+            yield strip, replace(suspect, doubtful=doubtful)
 
 
 def _least_odds(work: WorkingCopy, strip: int, inside: float) -> float:
@@ -171,9 +185,9 @@ def _odds_of_flat(work: WorkingCopy, strip: int) -> float:
             if len(rows) < _FEWEST_LOOKS:
                 continue
             flat, half = (_left(y[rows], level[rows]) for y in (difference, difference - slope / 2.0))
-            if flat < _NOISE * noise:
+            if flat < _NOISE * noise and half > _BENDS * max(flat, noise):
                 looks = min(len(rows), _LOOKS * passes(rows))
-                best = max(best, looks * math.log(max(half, noise) / max(flat, noise)))
+                best = max(best, looks * math.log(half / max(flat, noise)))
     return best
 
 
@@ -291,7 +305,7 @@ class _Held:
         )
 
 
-def _bridged_energised(work: WorkingCopy) -> Iterator[Suspect]:
+def _bridged_energised(work: WorkingCopy) -> Iterator[tuple[int, Suspect]]:
     (values,) = work.k.values()
     changes = []
     for i in range(work.strips - 1):
@@ -308,7 +322,7 @@ def _bridged_energised(work: WorkingCopy) -> Iterator[Suspect]:
             )
             numbers = {"most": most, "least": least, "strength": bridge.strength, "gain": bridge.gain}
             suspect = work.suspect("short", [strip, strip + 1], evidence, numbers, size)
-            yield replace(suspect, doubtful=bridge.gain < _TIMES * others)
+            yield strip, replace(suspect, doubtful=bridge.gain < _TIMES * others)
 
 
 @dataclass(frozen=True)
