@@ -12,6 +12,7 @@ import csv
 import io
 import json
 import re
+import shutil
 import signal
 import sys
 import tomllib
@@ -24,6 +25,7 @@ from types import FrameType
 from unittest import mock
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from tacstrip.arrays import FloatArray
 from tacstrip.cli import main
@@ -80,8 +82,66 @@ noise @r.mcap
 spice @s.toml @c.wkt -o %out.cir
 limits @s.toml @c.geojson --positional 0.01 --grid 2 -o %out.json
 init %out.toml --like @s.toml
+simulate @layers.toml @c.wkt -o %out.csv
+reconstruct @layers.toml @two.csv --assessment none -o %out.geojson
+simulate @noise.toml @c.wkt --noisy --still 3 -o %out.csv
+reconstruct @noise.toml @codes.csv --assessment fast -o %out.geojson
+press @skin.toml @ball.stl --pose 8 0 8 -1 0 -1 --depth 1.5 -o %out.csv --patch %out.json
+press @skin.toml sphere:4 --path @path.csv -o %out.csv
+import @log.txt @s.toml -o %out.csv --answer unit=V
+import @log.txt @s.toml --mapping @map.toml -o %out.csv
+generate @study.toml --out %out.d --workers 1
+sweep @designs.toml --out %out.d --workers 1
 """.strip().splitlines()
 )
+_MORE = {
+    "layers.toml": """format = 1
+construction = "crs-crs"
+adc_bits = 12
+
+[[layer]]
+strips = 12
+pitch_mm = 4.0
+length_mm = 48.0
+
+[[layer]]
+angle_deg = 90.0
+""",
+    "path.csv": """x_mm,y_mm,z_mm,dx,dy,dz,time_s,depth_mm
+8,0,8,-1,0,-1,0,1.5
+8,1,8,-1,0,-1,0.01,1.5
+8,2,8,-1,0,-1,0.02,1.25
+""",
+    "study.toml": """name = "first steps"
+seed = 1
+licence = "CC-BY-4.0"
+sensor = "s.toml"
+[shapes]
+n = 6
+size_mm = [20.0, 30.0]
+corners = [3, 5]
+[noise]
+positional = 0.005
+[dataset]
+formats = ["parquet"]
+split = {train = 0.5, test = 0.5}
+""",
+    "designs.toml": """seed = 1
+sensor = "s.toml"
+[shapes]
+size_mm = [20.0, 30.0]
+[vary.sensor]
+width_mm = [40.0]
+pitch_mm = [4.0, 8.0]
+[latin]
+samples = 2
+[latin.noise]
+positional = {from = 0.0005, to = 0.01, log = true}
+[measure]
+what = ["bound"]
+scans = 2
+""",
+}  # more inputs, as they are
 # What Python or a careless reader takes for a number, and a person does not: each must be refused.
 NO_NUMBERS = (
     "1_0",
@@ -163,12 +223,50 @@ def make_inputs(folder: Path) -> None:
             shapes, middle = (Shape("ok", SHAPE.vertices),), SHAPE.vertices.mean(axis=0)
             tracks = (TrackedShape(1, "ok", SHAPE.vertices - middle, np.array([*middle, 0.0]), 12),)
             recorder.add(replace(raw, shapes=shapes, tracks=tracks))
+    for name, text in _MORE.items():
+        (folder / name).write_text(text)
+    replace(SENSOR, noise=Noise(white=0.001, wander_shared=0.001, hum=0.0005)).save(folder / "noise.toml")
+    layers = Sensor.load(folder / "layers.toml")
+    small = Contact.polygon([(10.0, 10.0), (30.0, 12.0), (20.0, 30.0)])
+    write_readings(folder / "two.csv", layers, [simulate(layers, small, noise, rng=1)])
+    Sensor.load("fingertip").save(folder / "skin.toml")
+    (folder / "ball.stl").write_text(_ball())
+    _write_log(folder, scans)
     with csv_writer(folder / "runs.csv", ["strip", "l_mm", "w_mm", "v_h", "v_l"]) as out:
         for l, w in ((10.0, 5.0), (30.0, 10.0), (50.0, 0.0), (60.0, 20.0), (90.0, 0.0)):
             k: dict[str, FloatArray] = signatures(SENSOR, np.array([l]), np.array([l + w]))
             volts = [f"{SENSOR.vref_volt * (float(k[n][0]) + 0.01):.5f}" for n in ("kh", "kl")]
             for strip in range(SENSOR.strips):
                 out.writerow([strip, l, w, *volts])
+
+
+def _ball() -> str:
+    """Return an icosahedron as an ASCII STL."""
+    long = (1.0 + np.sqrt(5.0)) / 2.0
+    corners = [np.roll([0.0, a, b * long], k) for k in range(3) for a in (-1, 1) for b in (-1, 1)]
+    hull = ConvexHull(2.0 * np.array(corners))
+    lines = ["solid ball"]
+    for face in hull.points[hull.simplices]:
+        out = np.cross(face[1] - face[0], face[2] - face[0]) @ face.mean(axis=0) > 0.0
+        ring = [f"   vertex {x:.6f} {y:.6f} {z:.6f}" for x, y, z in (face if out else face[::-1])]
+        lines += [" facet normal 0 0 0", "  outer loop", *ring, "  endloop", " endfacet"]
+    return "\n".join([*lines, "endsolid ball", ""])
+
+
+def _write_log(folder: Path, scans: Sequence[Scan]) -> None:
+    """Write a log of another form, and how it is read."""
+    names = [f"{c}{i}" for c in "hl" for i in range(SENSOR.strips)]
+    rows = ["; ".join(["ms", *names])]
+    for scan in scans:
+        volts = SENSOR.vref_volt * np.concatenate([scan["kh"], scan["kl"]])
+        fields = ["" if np.isnan(v) else f"{v:.4f}" for v in volts.tolist()]
+        rows.append("; ".join([f"{1000.0 * (scan.time_s or 0.0):.1f}", *fields]))
+    (folder / "log.txt").write_text("\n".join([*rows, ""]))
+    columns = "".join(f'{name} = "{name[1:]}:{name[0]}"\n' for name in names)
+    (folder / "map.toml").write_text(
+        f'format = 1\nunit = "V"\ntime = "ms"\ntime_unit = "ms"\nstrip_base = 0\nstrips = {SENSOR.strips}\n\n'
+        f"[columns]\n{columns}"
+    )
 
 
 def outcomes(
@@ -206,7 +304,7 @@ def _trial(folder: Path, words: list[str], random: np.random.Generator) -> tuple
     finally:
         (folder / name).write_bytes(good)
         for left in [*folder.glob("out.*"), *folder.glob(".tacstrip*")]:
-            left.unlink()
+            shutil.rmtree(left) if left.is_dir() else left.unlink()
     return Outcome(" ".join(words), f"{name}: {what}", code, said, wrong), data, name
 
 
@@ -255,7 +353,7 @@ def _wrong(folder: Path, outputs: list[str], code: int | None, printed: str, sai
     if list(folder.glob(".tacstrip*")):
         return "a temporary file is left"
     for name in outputs:
-        if (file := folder / name).exists():
+        if (file := folder / name).exists() and file.suffix in _WHOLE:
             if code == 2:
                 return f"{name} was written, and the exit code is 2"
             try:

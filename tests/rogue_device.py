@@ -75,11 +75,18 @@ class Rogue:
     def now_us(self) -> int:
         return self.stamp(round((self.clock.now_s - self.boot_s) * 1e6))
 
-    def scan(self, i: int, codes: np.ndarray | None = None, strips: int = STRIPS, padding: int = 0) -> bytes:
+    def scan(
+        self,
+        i: int,
+        codes: np.ndarray | None = None,
+        strips: int = STRIPS,
+        padding: int = 0,
+        span_us: int = 500,
+    ) -> bytes:
         values = np.full(2 * strips, 1, "<u2") if codes is None else codes
         values[:2] = i % 1000, i // 1000
         body = (
-            struct.pack("<HBBI", strips, 3, BITS, 500)
+            struct.pack("<HBBI", strips, 3, BITS, span_us)
             + bytes([0x3F | padding])
             + values.astype("<u2").tobytes()
         )

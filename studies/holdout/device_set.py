@@ -411,7 +411,7 @@ TROUBLES: dict[str, Trouble] = {
     "bursts": Trouble(step=_burst),
     "byte by byte": Trouble(step=_bytewise),
     "number wraps at 2^32": Trouble(make=lambda random: Device(sequence=2**32 - 150)),
-    "unknown kinds and a later version": Trouble(step=_every(5, _strange)),
+    "unknown kinds and a later version": Trouble("version|kind", counted=True, step=_every(5, _strange)),
     "replies unasked": Trouble(step=_every(5, _reply)),
     "a hundred strips": Trouble(make=lambda random: Device(strips=100, bits=16)),
     "stale bytes before the hello": Trouble(before=lambda d: d.random.bytes(300) + d.hello()),

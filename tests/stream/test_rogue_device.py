@@ -91,6 +91,8 @@ CLEAN: dict[str, tuple[Trouble, str]] = {  # nothing is lost; what is told
     "other versions": (every(9, lambda d, i, data: [frame(1, i, 0, b"x" * 30, 2), data]), "another version"),
     "short bodies": (every(9, lambda d, i, data: [frame(1, i, 0, b"\3\0"), data]), "another version, kind or length"),
     "padding": (lambda d, i, data: [d.scan(i, padding=0xC0)], ""),
+    "spans of an hour": (every(9, lambda d, i, data: [d.scan(i, span_us=2**32 - 1)]), "4.29e.03 s, scans say"),
+    "echoes": (every(9, lambda d, i, data: [frame(0x82, i, 0, b""), data]), "commands come back on the line"),
     "replies": (every(9, lambda d, i, data: [frame(3, i, 0, bytes(10)), data]), "answers a command that was not sent"),
     "hellos": (lambda d, i, data: [d.hello()] * 5 + [data], ""),
     "hellos that lie": (every(9, lambda d, i, data: [d.hello(streaming=False, number=0), data]), "the device"),
@@ -162,6 +164,7 @@ CLOCKS: dict[str, tuple[Callable[[int], int], str]] = {
     "jumps ahead": (lambda us: us + 300_000 * (us > 6_000_000), "leapt ahead"),
     "backwards": (lambda us: -us, "ran backwards"),
     "zero": (lambda us: 0, "stands still"),
+    "steps of 0.3 s": (lambda us: us // 300_000 * 300_000, "stands still"),
 }
 
 
@@ -217,6 +220,24 @@ def test_a_flood_is_told(clock: Clock, tmp_path: Path) -> None:
     assert device.commands.count(0x84) == 2
 
 
+@pytest.mark.parametrize("hertz", [8, 20])
+def test_a_device_that_is_slow_is_told_once(clock: Clock, tmp_path: Path, hertz: int) -> None:
+    device = Rogue(clock, period_us=1_000_000 // hertz)
+    device.deaf_to = {0x84}
+    which, _, said = recorded(device, tmp_path, rate_hz=100.0)
+    assert which == list(range(SCANS))
+    assert sorted(said) == [
+        "the device did not answer RATE within 0.5 s",
+        f"the device sends only {hertz} scans a second, and 100 were asked for",
+    ]
+
+
+def test_strips_times_that_cannot_be_are_left_out(clock: Clock, tmp_path: Path) -> None:
+    trouble = every(9, lambda d, i, data: [d.scan(i, span_us=40_000)])
+    _, scans, _ = recorded(Rogue(clock, trouble), tmp_path)
+    assert [r.strip_time_s is None for r in scans] == [i % 9 == 6 for i in range(SCANS)]
+
+
 def test_a_refusal_is_told(clock: Clock, tmp_path: Path) -> None:
     device = Rogue(clock)
     device.refuses = {0x84}
@@ -235,6 +256,42 @@ def test_another_unit_that_goes_on_where_the_first_was_is_refused_by_its_hello(
     with pytest.raises(ts.PortError, match="unit_name = 'right'"):
         recorded(Rogue(clock), tmp_path, then=then)
     assert len(list(ts.Recording(tmp_path / "a.mcap"))) == 151
+
+
+OTHERS: dict[str, tuple[int, int]] = {  # how far another unit's numbers, and its clock [us], are ahead
+    "number and time near": (40, 350_000),
+    "number near": (40, 5_000_000),
+    "number that is due": (0, 2_000_000),
+    "number that is due, earlier": (0, -300_000),
+}
+
+
+@pytest.mark.parametrize("kind", OTHERS)
+def test_no_scan_of_another_unit_is_recorded_whatever_its_number(
+    clock: Clock, tmp_path: Path, kind: str
+) -> None:
+    ahead, ahead_us = OTHERS[kind]
+
+    def then(device: Rogue, n: int) -> None:
+        if n == 150:
+            device.name, device.number = b"right", lambda i: i + ahead
+            device.stamp = lambda us: us + ahead_us
+
+    with pytest.raises(ts.PortError, match="unit_name = 'right'"):
+        recorded(Rogue(clock), tmp_path, then=then)
+    assert len(list(ts.Recording(tmp_path / "a.mcap"))) == 151
+
+
+def test_after_a_gap_the_same_unit_goes_on(clock: Clock, tmp_path: Path) -> None:
+    def trouble(device: Rogue, i: int, data: bytes) -> list[bytes]:
+        return [] if i % 60 in range(30, 50) else [data]
+
+    device = Rogue(clock, trouble)
+    which, scans, said = recorded(device, tmp_path)
+    assert which == [i for i in range(which[-1] + 1) if i % 60 not in range(30, 50)]
+    assert (np.diff([r.time_s for r in scans]) > 0.0).all()
+    assert device.commands.count(0x81) == 1 + (which[-1] + 10) // 60
+    assert all("missing" in text for text in said)
 
 
 @pytest.mark.parametrize("seed", range(4))

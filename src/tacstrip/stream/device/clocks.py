@@ -21,6 +21,7 @@ _LINE_WINDOWS, _OFF_LINE = (4, 6, 8, 12, 16, 32, 64, 128, 256), 0.2
 # Slack of a line's rise: so much, or so many windows' length, and so many times the median delay within the windows.
 _LINE_SLACK_S, _DELAYS, _LENGTHS = 0.02, 3.0, 0.1
 _LEAP_S = 0.1  # ahead of what the delay of the scan before explains, once the delay is known
+_SAME_S, _SAME_SCANS = 0.1, 8  # by the period, and in number: scans of one time are of a clock that stands
 _BURST_S = 0.1  # scans further apart that arrive together have been delayed
 _MIN_STEP_S = 1e-6  # from scan to scan
 _WRAP_S = 2**32 / 1e6  # after which the device's clock restarts from 0
@@ -84,6 +85,7 @@ class DeviceClock:
         """Forget the device's clock, which has restarted; converted times continue."""
         self._offset_s: float | None = None
         self._number = 0  # of the last scan
+        self._same = 0  # scans in a row of the same time
         self._device_s: float | None = None  # its time, unwrapped
         self._arrived_s = 0.0
         self._wrapped_s = 0.0
@@ -117,7 +119,8 @@ class DeviceClock:
         """Return how many of the scans, in order, belong to the same run as those before; detect a faulty clock.
 
         Where scans are missing and the times fit neither the computer's clock nor their number, the device restarted
-        unnoticed. Where none is missing, its clock is faulty.
+        unnoticed. Where none is missing, its clock is faulty, or it is another device: from that scan on they count
+        with the next call.
         """
         if self.fault:
             return len(scans)
@@ -137,6 +140,10 @@ class DeviceClock:
                         return i
                     ran = "ran backwards" if step_s < 0.0 else f"leapt ahead by {step_s:.3g} s"
                     self.fault = f"the device's clock {ran}"
+                    return i
+                self._same = self._same + count if step_s == 0.0 else 0
+                if self._same >= max(_SAME_SCANS, _SAME_S / max(self._period_s, 1e-9)):
+                    self.fault = "the device's clock stands still"
                     return len(scans)
                 period_s = max(self._period_s, step_s / max(count, 1))
             number, device_s = raw.sequence, own_s

@@ -18,6 +18,7 @@ from tacstrip.stream.device.port import Port
 from tacstrip.stream.device.protocol.decoder import Counts, Decoder
 from tacstrip.stream.device.protocol.frames import Kind
 from tacstrip.stream.device.protocol.messages import Command, Hello, Reply
+from tacstrip.stream.device.protocol.order import MAX_AHEAD
 from tacstrip.stream.device.protocol.scans import ScanBatch
 from tacstrip.stream.device.troubles import Troubles
 from tacstrip.stream.source import LOGGER, RawScan
@@ -30,6 +31,9 @@ _ASK_S = 0.5  # between two requests to identify itself
 _START_S = 0.2  # between two commands to start after a hello, least
 _ODD_SCANS = 20  # of another layout than the hello's, in a row, that end the stream
 _FLOOD, _FLOOD_S, _FLOOD_SCANS = 1.5, 0.4, 20  # times the rate asked for, in two windows in a row
+_SLOW, _SLOW_SCANS = 1.5, 4  # times the period asked for, likewise
+_GAP = 16  # missing scans in a row, after which another device may send
+_LONG = 1.5  # times the period that reading the strips may take
 # A reader that waited for a fifth of a period, within these limits [s], was waiting for the scans.
 _PROMPT_S = (0.0002, 0.02)
 
@@ -41,6 +45,16 @@ class _HeldScans:
     since_s: float
     asked: int = 1
     scans: list[RawScan] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class _WindowStart:
+    """A scan's number and time by both clocks [s], and which run of the device it is of."""
+
+    number: int
+    device_s: float
+    now_s: float
+    run: int
 
 
 class SerialSource:
@@ -118,11 +132,14 @@ class SerialSource:
         self._period_s = max(period_us, self.hello.cycle_us) * 1e-6
         self._clock = DeviceClock(self._period_s)
         self._run = 0  # the decoder's count of restarts at the last scan
+        self._due: int | None = None  # the number after the last scan's
         self._held: _HeldScans | None = None
         self._troubles = Troubles(lambda text: self.on_message(text))
         self._odd = 0
         self._started_s = -_START_S
         self._flood_s, self._flood_scans, self._flooded = 0.0, 0, False
+        self._slow_from: _WindowStart | None = None
+        self._slow_windows = 0  # in a row
 
     @property
     def clock(self) -> str:
@@ -163,10 +180,11 @@ class SerialSource:
         self._troubles.reconnected()
         self._start()
         self._held = None
-        self._run = self._decoder.counts.restarts
+        self._run, self._due = self._decoder.counts.restarts, None
         patience_s = max(_SILENT_S, 4.0 * self._period_s)
         prompt_s = min(max(_PROMPT_S[0], self._period_s / 5.0), _PROMPT_S[1])
         heard_s, streaming, silent, corrupt = self._host(), False, False, self._decoder.counts.corrupt
+        line_was_empty = False  # since the last scans
         identified = False  # the device restarted, identified itself, and has sent no scan since
         gone: OSError | None = None
         while not self._closed and gone is None:
@@ -176,11 +194,14 @@ class SerialSource:
             except OSError as error:
                 gone = error  # scans that wait for a missing one come first
             self.arrived_s, now_s = time.perf_counter(), self._host()
+            line_was_empty |= not data or now_s - began_s > prompt_s
             received = self._decoder.feed(data)
             self.waiting = sum(len(batch) for batch in received if isinstance(batch, ScanBatch))
             for message in received:
                 if isinstance(message, Reply):
                     self._troubles.check_reply(message, now_s)
+                if isinstance(message, Command):
+                    self._troubles.say("echo", "commands come back on the line: is an echo on?", now_s)
                 if isinstance(message, Hello):
                     check_unit(message, self.hello)
                     if not message.streaming:
@@ -192,6 +213,7 @@ class SerialSource:
                     if self._held is not None:
                         held, self._held = self._held.scans, None
                         yield from self._release_scans(held)
+                        heard_s = self._host()  # the consumer may have taken long
                 if not isinstance(message, ScanBatch) or not self._matches(message, now_s):
                     continue
                 streaming, corrupt = True, self._decoder.counts.corrupt
@@ -200,8 +222,10 @@ class SerialSource:
                     self.on_message("scans come again")
                 self._check_rate(len(message), now_s)
                 prompt = now_s - began_s > prompt_s
-                yield from self._release_scans(self._timed(message, now_s, prompt, identified))
-                identified, heard_s = False, self._host()  # the consumer may have taken long
+                self._check_slowness(message, now_s, line_was_empty)
+                for scans in self._timed(message, now_s, prompt, identified):
+                    yield from self._release_scans(scans)
+                identified, line_was_empty, heard_s = False, False, self._host()  # likewise
             self._troubles.check_counts(self.counts, now_s)
             if gone is not None:
                 raise gone
@@ -220,16 +244,18 @@ class SerialSource:
                     reason = broken if n_corrupt else "it is told to send again"
                     self.on_message(f"no scan came for {patience_s:.2g} s; {reason}")
 
-    def _timed(self, batch: ScanBatch, now_s: float, prompt: bool, identified: bool) -> list[RawScan]:
-        """Return a batch's scans with their times by the computer's clock; hold scans back where they are of a new run.
+    def _timed(
+        self, batch: ScanBatch, now_s: float, prompt: bool, identified: bool
+    ) -> Iterator[list[RawScan]]:
+        """Yield a batch's scans with their times by the computer's clock; hold back those that may be another device's.
 
-        `identified`: since its last scan the device has restarted and identified itself.
+        `identified`: since its last scan the device has restarted and identified itself. In parts: a part is handed on
+        before the next one is held back.
         """
-        scans = list(batch.scans())
+        scans = self._with_possible_spans(batch, now_s)
         trusted = not self._clock.fault
-        out: list[RawScan] = []
         if batch.restarts != self._run:
-            self._run = batch.restarts
+            self._run, self._due = batch.restarts, None
             if not identified:
                 self._hold_scans()
             if self._clock.continues_run(scans[0], now_s):
@@ -237,19 +263,46 @@ class SerialSource:
                 self._troubles.say("leap", text, now_s)
             else:
                 self._restart_clock(identified, now_s)
-        while scans:
-            n_same = self._clock.n_of_same_run(scans, now_s)
-            prompt &= n_same == len(scans)
-            if part := scans[:n_same]:
-                timed = zip(part, self._clock.times(part, now_s, prompt), strict=True)
-                out += [replace(raw, time_s=time_s, arrival_s=now_s) for raw, time_s in timed]
-            scans = scans[n_same:]
-            if scans:
-                self._hold_scans()
-                self._restart_clock(False, now_s)
+        for rest in self._between_gaps(scans):
+            prompt &= len(rest) == len(scans)
+            while rest:
+                n_same = self._clock.n_of_same_run(rest, now_s)
+                prompt &= n_same == len(rest)
+                if part := rest[:n_same]:
+                    timed = zip(part, self._clock.times(part, now_s, prompt), strict=True)
+                    yield [replace(raw, time_s=time_s, arrival_s=now_s) for raw, time_s in timed]
+                if rest := rest[n_same:]:
+                    self._hold_scans()
+                    if not self._clock.fault:
+                        self._restart_clock(False, now_s)
         if trusted and self._clock.fault:
             self.on_message(f"{self._clock.fault}; from now on times are the computer's")
-        return out
+
+    def _between_gaps(self, scans: list[RawScan]) -> Iterator[list[RawScan]]:
+        """Yield scans in parts that follow each other; hold back those after a gap long enough to change the device."""
+        start = 0
+        for i, raw in enumerate(scans):
+            if self._due is not None and _GAP <= (raw.sequence - self._due) % 2**32 < MAX_AHEAD:
+                if i > start:
+                    yield scans[start:i]
+                start = i
+                self._hold_scans()
+            self._due = raw.sequence + 1
+        yield scans[start:]
+
+    def _with_possible_spans(self, batch: ScanBatch, now_s: float) -> list[RawScan]:
+        """Return a batch's scans, without the strips' times where reading them took longer than to the next scan."""
+        scans = list(batch.scans())
+        too_long = batch.span_us > _LONG * 1e6 * self._period_s
+        if self._period_s == 0.0 or not too_long.any():
+            return scans
+        span_s = 1e-6 * float(batch.span_us.max())
+        text = (
+            f"reading the strips took {span_s:.3g} s, scans say, and they come every {self._period_s:.3g} s"
+        )
+        self._troubles.say("span", f"{text}; the strips' times are left out", now_s)
+        none = zip(scans, too_long.tolist(), strict=True)
+        return [replace(raw, strip_time_s=None) if out else raw for raw, out in none]
 
     def _release_scans(self, scans: list[RawScan]) -> Iterator[RawScan]:
         """Yield scans, or hold them back until the device has identified itself."""
@@ -341,6 +394,27 @@ class SerialSource:
                 rates = f"{self._flood_scans / passed_s:.3g} scans a second, and {1.0 / self._period_s:.3g}"
                 self._troubles.say("flood", f"the device sends {rates} were asked for", now_s)
             self._flood_s, self._flood_scans, self._flooded = now_s, 0, flooded
+
+    def _check_slowness(self, batch: ScanBatch, now_s: float, line_was_empty: bool) -> None:
+        """Report a device that scans more slowly than it was asked to, by its own clock and the computer's.
+
+        `line_was_empty`: the reader was waiting for these scans. Else the device may have waited for the reader.
+        """
+        period_us = self.hello.period_us if self._period_us is None else self._period_us
+        newest = _WindowStart(int(batch.sequence[-1]), 1e-6 * int(batch.time_us[-1]), now_s, batch.restarts)
+        start = self._slow_from
+        if not line_was_empty or start is None or start.run != newest.run or self._clock.fault:
+            self._slow_from, self._slow_windows = newest, 0
+            return
+        count = (newest.number - start.number) % 2**32
+        passed_s = min(newest.device_s - start.device_s, newest.now_s - start.now_s)
+        if passed_s < _FLOOD_S or count < _SLOW_SCANS:
+            return
+        slow = bool(period_us) and passed_s > _SLOW * 1e-6 * period_us * count
+        self._slow_from, self._slow_windows = newest, self._slow_windows + 1 if slow else 0
+        if self._slow_windows == 2:  # once, until it keeps the rate again
+            rates = f"{count / passed_s:.3g} scans a second, and {1e6 / period_us:.3g}"
+            self._troubles.say("slow", f"the device sends only {rates} were asked for", now_s)
 
     def _matches(self, batch: ScanBatch, now_s: float) -> bool:
         """Return whether scans are of the layout that the hello said; else have the device identify itself."""
