@@ -18,11 +18,13 @@ from tacstrip.io.log_import.columns import Columns, above, find_columns
 from tacstrip.io.log_import.doubts import raise_doubts
 from tacstrip.io.log_import.fields import is_garbled
 from tacstrip.io.log_import.mapping import ColumnMapping
-from tacstrip.io.log_import.names import meaning, meanings
+from tacstrip.io.log_import.names import IN_VOLTS, meaning, meanings
 from tacstrip.io.log_import.questions import KEYS, Clues, Question, Unanswered
 from tacstrip.io.log_import.scans import LogScan, scans, strip_numbers
 from tacstrip.io.log_import.statements import base_said
 from tacstrip.io.log_import.table import Table
+from tacstrip.io.log_import.turns import with_turn
+from tacstrip.io.log_import.volts_said import ask_for_supply
 from tacstrip.io.log_import.write import at_rest
 from tacstrip.sensor.spec import Sensor
 
@@ -235,9 +237,13 @@ def _assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
     mapping = replace(mapping, untouched=(*mapping.untouched, *quantities.numbers_for_nothing(clues, rough)))
     loose = replace(mapping, time_unit=mapping.time_unit or "s", restart="continue", missing="untouched")
     rough = scans(clues.table, loose)
+    mapping, rough = with_turn(clues, mapping, rough)
     mapping = _with_ends(clues, mapping, found, rough)
     raise_doubts(clues, mapping)
-    return quantities.with_unit(clues, mapping, found, rough), rough
+    mapping = quantities.with_unit(clues, mapping, found, rough)
+    if mapping.unit in IN_VOLTS:
+        ask_for_supply(clues)
+    return mapping, rough
 
 
 def _drop_repeated(clues: Clues, found: Columns) -> None:

@@ -15,6 +15,7 @@ ROLES = ("time", "scan", "strip", "which", "position", "skip", *CHANNELS)
 KEYS = (
     "time_unit", "rate_hz", "strip_base", "strips", "unit", "untouched", "missing", "broken_lines", "vref_volt",
     "adc_bits", "exchanged", "order", "strip_order", "scale", "coding", "restart", "which_h", "sheet", "readings",
+    "turn",
 )  # fmt: skip
 _BASES = {"0-based": "0", "1-based": "1"}  # strips=1-based says strip_base=1
 
