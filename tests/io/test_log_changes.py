@@ -11,6 +11,7 @@ import tacstrip as ts
 from tacstrip.io.log_import.changes import tells_of_change
 from tacstrip.io.log_import.guess import Proposal, propose
 from tacstrip.io.log_import.questions import Unanswered
+from tacstrip.io.log_import.scans import scans
 from tacstrip.io.log_import.text import of_text
 
 _SENSOR = ts.Sensor(construction="crs-crs", strips=4, pitch_mm=8.0, length_mm=60.0, vref_volt=5.0)
@@ -127,3 +128,41 @@ def test_rows_of_another_device_in_a_merged_table_are_no_scans(nothing: str, bef
 def test_an_empty_scan_stays_where_untouched_strips_are_empty() -> None:
     text = _with_note("", long=False).replace("0.3,2.8", "0.25,,,,,,,,\n0.3,2.8")
     assert len(_read(text).scans) == _SCANS + 1
+
+
+def noted(note: str, factor: float, step: float = 0.01) -> str:
+    """Return a log of which readings are multiplied by a factor below a comment."""
+    lines = ["t,strip,high,low"]
+    for n in range(12):
+        f = factor if n >= 6 else 1.0
+        lines += [note] if n == 6 else []
+        lines += [f"{0.05 * n:.2f},{s},{f * (3.0 + 0.1 * s + step * n):.4f},{f * (2.0 + step * n):.4f}" for s in range(3)]
+    return "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize(
+    ("note", "factor"),
+    [
+        ("# od tego miejsca jako ułamek Vref", 0.2), ("# от сюда в % ", 20.0), ("# buradan sonra oran", 0.2),
+        ("# itt felére csökken minden", 0.5), ("// ここから半分", 0.5), ("# ab hier mV", 1.0),
+    ],
+)  # fmt: skip
+def test_a_note_with_a_unit_or_a_jump_is_asked_in_whichever_language(note: str, factor: float) -> None:
+    pad = ts.Sensor(construction="crs-crs", strips=3, pitch_mm=6.0, length_mm=80.0, vref_volt=5.0)
+    table = of_text(noted(note, factor))
+    with pytest.raises(Unanswered) as error:
+        propose(table, pad)
+    (question,) = error.value.questions
+    assert question.choices == ("above line 20", "below line 20", "skip")
+    first = propose(table, pad, {"part": "above line 20"})
+    assert [s.values[0, 0] for s in first.scans] == pytest.approx([3.0 + 0.01 * n for n in range(6)])
+    again = scans(of_text(noted(note, factor)), first.mapping)
+    assert len(again) == 6
+
+
+@pytest.mark.parametrize("note", ["# palec zeslizgnal sie", "# Kabel berührt, 2. Versuch", "# battery 3.3 V"])
+def test_a_note_without_a_jump_is_a_doubt(note: str) -> None:
+    pad = ts.Sensor(construction="crs-crs", strips=3, pitch_mm=6.0, length_mm=80.0, vref_volt=5.0)
+    found = propose(of_text(noted(note, 1.0)), pad)
+    assert len(found.scans) == 12
+    assert sum("notes that change nothing" in d for d in found.doubts) == 1

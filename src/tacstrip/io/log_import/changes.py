@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import bisect
 import re
 from collections.abc import Sequence
 from dataclasses import replace
 
+from tacstrip.io.log_import.notes import names_a_unit, notes_among
 from tacstrip.io.log_import.questions import Clues
 from tacstrip.io.log_import.strays import numbered
 from tacstrip.io.log_import.table import PART, Table
@@ -57,7 +57,7 @@ def changes_said(text: str, lines: Sequence[int]) -> tuple[tuple[int, str], ...]
         return ()
     first, last = min(lines), max(lines)
     inner = [(n, line.strip()) for n, line in numbered(text) if first < n <= last and line.strip()]
-    found = [(n, line) for n, line in inner if tells_of_change(line)]
+    found = [(n, line) for n, line in inner if tells_of_change(line) or names_a_unit(line)]
     return tuple(found) if len(found) <= max(1.0, _OFTEN * len(inner)) else ()
 
 
@@ -73,14 +73,9 @@ def tells_of_change(line: str) -> bool:
 def in_parts(table: Table, text: str) -> Table:
     """Return a table with a column that says which part of the log a line is of, where lines between tell of a change."""
     changes = changes_said(text, table.lines)
-    if not changes or PART in table.names:
+    if PART in table.names:
         return table
-    at = [line for line, _ in changes]
-    parts = [f"above line {at[0]}", *(f"below line {line}" for line in at)]
-    rows = [[*row, parts[bisect.bisect_left(at, i)]] for i, row in zip(table.lines, table.rows, strict=True)]
-    if len({row[-1] for row in rows}) < 2:
-        return table
-    return replace(table, names=(*table.names, PART), rows=rows, changes=changes)
+    return table.in_parts(changes) if changes else replace(table, notes=notes_among(text, table.lines))
 
 
 def ask_which_part(clues: Clues) -> None:

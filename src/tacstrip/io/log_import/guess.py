@@ -19,6 +19,7 @@ from tacstrip.io.log_import.doubts import raise_doubts
 from tacstrip.io.log_import.fields import is_garbled
 from tacstrip.io.log_import.mapping import ColumnMapping
 from tacstrip.io.log_import.names import IN_VOLTS, meaning, meanings
+from tacstrip.io.log_import.notes import ask_for_notes
 from tacstrip.io.log_import.others import drop_others
 from tacstrip.io.log_import.questions import KEYS, Clues, Question, Unanswered
 from tacstrip.io.log_import.scans import LogScan, scans, strip_numbers
@@ -240,6 +241,7 @@ def _assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
     loose = replace(mapping, time_unit=mapping.time_unit or "s", restart="continue", missing="untouched")
     rough = scans(clues.table, loose)
     mapping, rough = with_turn(clues, mapping, rough)
+    ask_for_notes(clues, rough)
     mapping = _with_ends(clues, mapping, found, rough)
     raise_doubts(clues, mapping)
     mapping = quantities.with_unit(clues, mapping, found, rough)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from tacstrip.errors import OptionError, one_of
 from tacstrip.io.log_import.fields import number_of
 from tacstrip.io.log_import.names import CHANNELS, meaning
-from tacstrip.io.log_import.table import Table
+from tacstrip.io.log_import.table import PART, Table
 from tacstrip.sensor.spec import Sensor
 
 ROLES = ("time", "scan", "strip", "which", "position", "skip", *CHANNELS)
@@ -73,6 +73,7 @@ class Clues:
         self.doubts += self.table.doubts
         if (base := _BASES.get(self.answers.get("strips", ""))) is not None:
             self.answers = {k: v for k, v in self.answers.items() if k != "strips"} | {"strip_base": base}
+        self.table = self.table.part_at_note(self.answers.get(PART, ""))
         for key, answer in list(self.answers.items()):
             named = key in self.table.names
             if named and key not in KEYS and self._names_lines(key, answer):
