@@ -136,7 +136,8 @@ def noted(note: str, factor: float, step: float = 0.01) -> str:
     for n in range(12):
         f = factor if n >= 6 else 1.0
         lines += [note] if n == 6 else []
-        lines += [f"{0.05 * n:.2f},{s},{f * (3.0 + 0.1 * s + step * n):.4f},{f * (2.0 + step * n):.4f}" for s in range(3)]
+        high, low = 3.0 + step * n, 2.0 + step * n
+        lines += [f"{0.05 * n:.2f},{s},{f * (high + 0.1 * s):.4f},{f * low:.4f}" for s in range(3)]
     return "\n".join(lines) + "\n"
 
 

@@ -65,8 +65,8 @@ def ask_for_notes(clues: Clues, rough: list[LogScan]) -> None:
         if alike and abs(step) > max(np.log(_JUMP), _OTHERS * others):
             clues.ask(
                 PART,
-                f"line {line} says {text[:_LONGEST]!r}, and from there on all readings are {np.exp(step):.3g} times those "
-                "before: which are meant? Those of one part, or of all if they mean the same throughout (skip)",
+                f"line {line} says {text[:_LONGEST]!r}, and from there on all readings are {np.exp(step):.3g} times "
+                "those before: which are meant? Those of one part, or of all if they mean the same throughout (skip)",
                 f"above line {line}", f"below line {line}", "skip",
             )  # fmt: skip
             return

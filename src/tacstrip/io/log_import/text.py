@@ -16,6 +16,7 @@ import numpy as np
 
 from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.changes import in_parts
+from tacstrip.io.log_import.channel_names import with_channel_names
 from tacstrip.io.log_import.conversion import resolutions
 from tacstrip.io.log_import.delimiters import (
     of_sent,
@@ -183,7 +184,7 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     text, others = without_other_series(text)
     bounded = "what stands behind \u00b1: no readings, passed over" if bounds > 1 else ""
     messages = "; ".join(filter(None, [messages, others, bounded]))
-    text = with_labels(_of_two_lines(of_sent(without_prefix(text))))
+    text = with_labels(with_channel_names(_of_two_lines(of_sent(without_prefix(text)))))
     if (table := of_literals(text, path) or of_dialect(text, str(path))) is not None:
         return in_normal_form(replace(table, remarks=(*filter(None, [messages]), *table.remarks)))
     # The empty lines in between tell where blocks begin.
