@@ -18,7 +18,27 @@ from tacstrip.io.log_import.table import Table
 CODINGS = ("unsigned", "signed", "offset")
 _SCALED = re.compile(
     r"\b(?:multipl(?:y|ied|ier|ies|ying)|divided?|dividers?|gains?|amplif\w+|scaled? (?:by|with)"
-    r"|scal(?:e|ing) factor)\b",
+    r"|scal(?:e|ing) factor)\b"
+    # In other languages, which join words and bend them.
+    r"|teiler\b|\bgeteilt|multiplizi|verst\u00e4rk|skalier|\bfaktor|diviseur|multiplicat|multiplicad|multipli\u00e9|facteur"
+    r"|partitore|moltiplica|amplific|guadagno|fattore|divisor\b|ganancia|ganho|dzielnik|wzmocni|pomno\u017c|mno\u017cn"
+    r"|wsp\u00f3\u0142czynnik|d\u011bli\u010d|zes\u00edl|spanningsdeler|versterk|vermenigvuldig|b\u00f6l\u00fcc\u00fc|kazan\u00e7|f\u00f6rst\u00e4rk"
+    r"|sp\u00e4nningsdel|\u0434\u0435\u043b\u0438\u0442\u0435\u043b|\u0443\u0441\u0438\u043b\u0435\u043d|\u0443\u043c\u043d\u043e\u0436|\u5206\u5727|\u5206\u538b|\u5206\u58d3|\u5897\u5e45|\u653e\u5927|\u500d"
+    r"|\ubd84\uc555|\uc99d\ud3ed",
+    re.IGNORECASE,
+)
+# What no known word explains: 1:2, 1/3, or a factor behind its sign; unless it counts pages, parts, trials.
+_RATIO_ALONE = re.compile(
+    r"(?<![\w.,:/=[])(?:1 ?[:/] ?(?!1\b)\d{1,3}|(?!1\b)\d{1,3} ?: ?1)(?![\w.,:/]*\d)|(?<![\d\s])\s?[\u00d7\u00f7] ?\d"
+)
+_COUNTED = re.compile(
+    r"page|seite|pagina|p\u00e1gina|strona|teil|part\b|partie|parte|cz\u0119\u015b|run\b|versuch|essai|prova|prueba|pr\u00f3ba|pokus"
+    r"|test|file|datei|fichier|plik|blatt|sheet|slot|chunk|block|batch|trial|take|mesure|messung|probe|\bfw|version|\bs/n"
+    r"|every|jede|\u7b2c|\u9875|\u30da\u30fc\u30b8|downsampl|decimat|octave|gear|ratio of|ms\b|\bs\b|Hz",
+    re.IGNORECASE,
+)
+_AMPLIFIED = re.compile(
+    r"\bgain|amplif|verst\u00e4rk|guadagno|gananc|ganho|wzmocn|zes\u00edl|versterk|f\u00f6rst\u00e4rk|\u0443\u0441\u0438\u043b|\u5897\u5e45|\u653e\u5927|\uc99d\ud3ed",
     re.IGNORECASE,
 )
 _OVER_VREF = re.compile(r"\bdivided? by v_?ref", re.IGNORECASE)
@@ -78,14 +98,14 @@ def factor(clues: Clues) -> float:
         return answer or 1.0
     for line in clues.table.preamble:
         text = _bare(line)
-        if not _SCALED.search(text) or _OVER_VREF.search(text):
+        if not (_SCALED.search(text) or _ratio_alone(line)) or _OVER_VREF.search(text):
             continue
         ratios = [float(a) / float(b) for a, b in _RATIO.findall(text) if float(a) and float(b)]
         numbers = [float(n) for n in _ALONE.findall(_RATIO.sub(" ", text)) if float(n)]
         if (ratios or numbers) and {*ratios, *numbers} == {1.0}:
             continue
         likely = [max(r, 1.0 / r) for r in ratios] or numbers
-        if re.search(r"\bgain|\bamplif", text, re.IGNORECASE):
+        if _AMPLIFIED.search(text):
             likely = [1.0 / n for n in likely]
         shown = [f"{n:.6g}" for n in dict.fromkeys(likely) if n != 1.0][:2] or ["2"]
         clues.ask(
@@ -94,6 +114,12 @@ def factor(clues: Clues) -> float:
             "1", *shown,
         )  # fmt: skip
     return 1.0
+
+
+def _ratio_alone(line: str) -> bool:
+    """Return whether a comment names a ratio that no word of it explains, in whichever language."""
+    clauses = re.split(r"[,;]\s", line) if re.match(r"\s*[#%!/;]", line) else []
+    return any(_RATIO_ALONE.search(clause) and not _COUNTED.search(clause) for clause in clauses)
 
 
 def of_lengths(clues: Clues, columns: list[str]) -> float:

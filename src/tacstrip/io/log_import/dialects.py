@@ -63,6 +63,8 @@ def of_dialect(text: str, path: str) -> Table | None:
     )
     return next((table for read in readers if (table := read(text, path)) is not None), None)
 
+_MOST_SPANNED = 10_000  # rows or columns that a cell may span
+
 
 def of_displayed_scans(text: str) -> str:
     r"""Return what MATLAB displays scan by scan, `ans = ...` and vectors, as lines of fields; another text as it is.
@@ -106,8 +108,7 @@ def plain_rows(text: str) -> str:
     """
     if re.search(r"<tr\b.*</t[dh]>", text, re.IGNORECASE | re.DOTALL):
         rows = re.findall(r"<tr\b.*?>(.*?)</tr>", text, re.IGNORECASE | re.DOTALL)
-        split = [re.findall(r"<t[dh]\b.*?>(.*?)</t[dh]>", row, re.IGNORECASE | re.DOTALL) for row in rows]
-        cells = [[html.unescape(re.sub(r"<[^>]*>", "", c)) for c in row] for row in split]
+        cells = _spread(rows)
     elif inner := re.search(r"\\begin\{(?:tabular\w*|longtable|array)\}(.*)\\end\{", text, re.DOTALL):
         body = re.sub(r"\A(?:\[.*?\])?\s*\{[^{}]*\}", "", inner[1])
         body = re.sub(r"\\(?:top|mid|bottom|h|c)(?:rule|line)(?:\{[^}]*\})?|(?<!\\)%.*", "", body)
@@ -125,6 +126,34 @@ def plain_rows(text: str) -> str:
     else:
         return text
     return "\n".join("\t".join(" ".join(c.split()) for c in row) for row in cells)
+
+
+def _spread(rows: list[str]) -> list[list[str]]:
+    """Return the cells of an HTML table's rows, those that span several rows or columns in each of them."""
+    cells: list[list[str]] = []
+    below: dict[int, tuple[int, str]] = {}  # column -> rows that its cell spans yet, and that cell
+    for row in rows:
+        made: list[str] = []
+        for opened, inner in re.findall(r"<t[dh]\b(.*?)>(.*?)</t[dh]>", row, re.IGNORECASE | re.DOTALL):
+            _fill(made, below)
+            tall, wide = (
+                min(int(m[1]), _MOST_SPANNED) if (m := re.search(rf"{s}span\s*=\s*[\"']?(\d+)", opened, re.IGNORECASE)) else 1
+                for s in ("row", "col")
+            )
+            cell = html.unescape(re.sub(r"<[^>]*>", "", inner))
+            below |= {len(made) + n: (tall - 1, cell) for n in range(wide) if tall > 1}
+            made += [cell] * wide
+        _fill(made, below)
+        cells.append(made)
+    return cells
+
+
+def _fill(row: list[str], below: dict[int, tuple[int, str]]) -> None:
+    """Add to a row of cells those from above that stand next in it."""
+    while len(row) in below:
+        more, cell = below.pop(len(row))
+        below |= {len(row): (more - 1, cell)} if more > 1 else {}
+        row.append(cell)
 
 
 def _dumped(text: str) -> list[list[str]]:

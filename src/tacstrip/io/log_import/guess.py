@@ -18,11 +18,15 @@ from tacstrip.io.log_import.columns import Columns, above, find_columns
 from tacstrip.io.log_import.doubts import raise_doubts
 from tacstrip.io.log_import.fields import is_garbled
 from tacstrip.io.log_import.mapping import ColumnMapping
-from tacstrip.io.log_import.names import meaning, meanings
+from tacstrip.io.log_import.names import IN_VOLTS, meaning, meanings
+from tacstrip.io.log_import.notes import ask_for_notes
+from tacstrip.io.log_import.others import drop_others
 from tacstrip.io.log_import.questions import KEYS, Clues, Question, Unanswered
 from tacstrip.io.log_import.scans import LogScan, scans, strip_numbers
 from tacstrip.io.log_import.statements import base_said
-from tacstrip.io.log_import.table import Table
+from tacstrip.io.log_import.table import PART, Table
+from tacstrip.io.log_import.turns import with_turn
+from tacstrip.io.log_import.volts_said import ask_for_supply
 from tacstrip.io.log_import.write import at_rest
 from tacstrip.sensor.spec import Sensor
 
@@ -104,7 +108,7 @@ def settled(table: Table, read: Callable[[Table], Read]) -> Read:
 def _open(error: Exception) -> float:
     """Return how much of a log is open; inf where it is not understood: nothing tells what its columns are."""
     if not isinstance(error, Unanswered) or any(
-        q.key not in KEYS or q.key == "readings" for q in error.questions
+        q.key not in (*KEYS, PART) or q.key == "readings" for q in error.questions
     ):
         return np.inf
     return sum(q.key != "broken_lines" for q in error.questions)
@@ -227,6 +231,7 @@ def _assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
         _ask_for_base(clues)
         raise Unanswered(*clues.questions) from None
     _drop_repeated(clues, found)
+    drop_others(clues, found)
     mapping, rough = _rough(clues, found)
     mapping = quantities.settled_time(clues, mapping, rough)
     mapping = replace(
@@ -235,9 +240,14 @@ def _assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
     mapping = replace(mapping, untouched=(*mapping.untouched, *quantities.numbers_for_nothing(clues, rough)))
     loose = replace(mapping, time_unit=mapping.time_unit or "s", restart="continue", missing="untouched")
     rough = scans(clues.table, loose)
+    mapping, rough = with_turn(clues, mapping, rough)
+    ask_for_notes(clues, rough)
     mapping = _with_ends(clues, mapping, found, rough)
     raise_doubts(clues, mapping)
-    return quantities.with_unit(clues, mapping, found, rough), rough
+    mapping = quantities.with_unit(clues, mapping, found, rough)
+    if mapping.unit in IN_VOLTS:
+        ask_for_supply(clues)
+    return mapping, rough
 
 
 def _drop_repeated(clues: Clues, found: Columns) -> None:

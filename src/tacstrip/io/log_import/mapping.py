@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -64,6 +65,8 @@ class ColumnMapping:
         The code of 0 V, where codes have a sign that is written as an offset.
     adc_bits_of_lines
         Whether codes are of the resolution that the line above them says, and so brought to `adc_bits`.
+    turn
+        "1/2" where two sensors write in turn, and the first is meant.
     """
 
     columns: dict[str, str]
@@ -90,6 +93,7 @@ class ColumnMapping:
     scale: float = 1.0
     zero: float = 0.0
     adc_bits_of_lines: bool = False
+    turn: str = ""
 
     def save(self, path: str | Path) -> None:
         """Write it as TOML."""
@@ -145,6 +149,9 @@ class ColumnMapping:
         ):  # fmt: skip
             if value not in known:
                 raise OptionError(f"{place}: " + one_of(name, value, known))
+        turn = re.fullmatch(r"(\d)/(\d)", self.turn)
+        if self.turn and not (turn and 1 <= int(turn[1]) <= int(turn[2]) > 1):
+            raise OptionError(f"{place}: turn = {self.turn!r}; write 1/2 for the first of two sensors")
         if self.scale <= 0.0:
             raise OptionError(f"{place}: scale = {self.scale:g}; it must be above 0")
         if self.strips < 1 or not self.columns:

@@ -88,6 +88,7 @@ _TRANSLATED = {
     for word in alike.split()
 }
 OTHER_SCRIPT = re.compile("|".join(sorted(_TRANSLATED, key=len, reverse=True)))
+_UNCOMBINED = str.maketrans("\u0142\u0141\u00f8\u00d8\u0111\u0131", "lLoOdi")  # letters that are none with a mark
 UNITS = {
     word: unit
     for unit, alike in {
@@ -443,7 +444,7 @@ def _singular(word: str) -> str:
 @lru_cache(maxsize=2**16)
 def _tokens(name: str) -> tuple[list[str], str]:
     """Return a name's words and numbers in lower case, and the unit in brackets, after a slash, or last."""
-    name = OTHER_SCRIPT.sub(lambda m: _TRANSLATED[m[0]], _PLACE.sub("", name))
+    name = OTHER_SCRIPT.sub(lambda m: _TRANSLATED[m[0]], _PLACE.sub("", name)).translate(_UNCOMBINED)
     plain = "".join(c for c in unicodedata.normalize("NFKD", name) if not unicodedata.combining(c))
     plain = re.sub(r"\u00b1|\+/-", " plusminus ", plain.replace("\u03bc", "\u00b5"))
     unit = ""

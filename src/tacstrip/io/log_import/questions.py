@@ -8,13 +8,14 @@ from dataclasses import dataclass, field
 from tacstrip.errors import OptionError, one_of
 from tacstrip.io.log_import.fields import number_of
 from tacstrip.io.log_import.names import CHANNELS, meaning
-from tacstrip.io.log_import.table import Table
+from tacstrip.io.log_import.table import PART, Table
 from tacstrip.sensor.spec import Sensor
 
 ROLES = ("time", "scan", "strip", "which", "position", "skip", *CHANNELS)
 KEYS = (
     "time_unit", "rate_hz", "strip_base", "strips", "unit", "untouched", "missing", "broken_lines", "vref_volt",
     "adc_bits", "exchanged", "order", "strip_order", "scale", "coding", "restart", "which_h", "sheet", "readings",
+    "turn",
 )  # fmt: skip
 _BASES = {"0-based": "0", "1-based": "1"}  # strips=1-based says strip_base=1
 
@@ -72,6 +73,7 @@ class Clues:
         self.doubts += self.table.doubts
         if (base := _BASES.get(self.answers.get("strips", ""))) is not None:
             self.answers = {k: v for k, v in self.answers.items() if k != "strips"} | {"strip_base": base}
+        self.table = self.table.part_at_note(self.answers.get(PART, ""))
         for key, answer in list(self.answers.items()):
             named = key in self.table.names
             if named and key not in KEYS and self._names_lines(key, answer):
@@ -99,8 +101,9 @@ class Clues:
 
     def _names_lines(self, name: str, answer: str) -> bool:
         """Return whether an answer is what stands in a column on the lines that are meant, as in "pad=left"."""
-        said = meaning(name).role in ("", "which") and answer not in ROLES
-        return said and answer in self.table.column(name)
+        role = meaning(name).role
+        said = role in ("", "which") or (role == "scan" and number_of(answer) is None)  # as a frame's name
+        return said and answer not in ROLES and answer in self.table.column(name)
 
     def ask(self, key: str, text: str, *choices: str) -> None:
         """Ask for what cannot be known; once for each key."""

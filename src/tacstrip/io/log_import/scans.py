@@ -85,7 +85,16 @@ def scans(table: Table, mapping: ColumnMapping, dropped: list[int] | None = None
         raise ReadingError("the log has no readings")
     found = _from_one_clock(found, mapping)
     _check_repeated(found)
-    return found
+    return in_turn(found, mapping.turn)
+
+
+def in_turn(scans: list[LogScan], turn: str) -> list[LogScan]:
+    """Return the scans of a turn such as "1/2", all where it is ""; times begin with the first of them."""
+    if not turn:
+        return scans
+    place, _, many = turn.partition("/")
+    taken = scans[int(place) - 1 :: int(many)]
+    return [LogScan(s.time_s - taken[0].time_s, s.values, s.line) for s in taken]
 
 
 def _from_one_clock(found: list[LogScan], mapping: ColumnMapping) -> list[LogScan]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import bisect
 import itertools
 import re
 from collections import Counter
@@ -18,6 +19,7 @@ from tacstrip.io.log_import.names import READING_UNITS, UNITS, meaning, meanings
 
 GARBLED = "\ufffd"  # for what a board wrote as it was reset
 CLOCK = "time stamp"  # the column of what a serial monitor or a logger puts before each line
+PART = "part"  # the column that tells lines above a change of what readings mean from those below it
 ROW = "line of its block"  # where blocks of as many lines follow each other
 _MOST_VOLTS = 100.0  # no Vref has more
 _TALLEST_HEADER = 5
@@ -82,6 +84,10 @@ class Table:
         What lines that are no rows say of the codes' resolution: line, bits, what it says.
     varied
         Whether records name other strips from one to the next, as where they name only touched ones.
+    changes
+        Lines among the rows that tell of a change of what readings mean, and what they say.
+    notes
+        Other comments among the rows, and what they say.
     lacking
         The last names, where there are more names than any line has fields: as if these were missing.
     """
@@ -102,6 +108,8 @@ class Table:
     doubts: tuple[str, ...] = ()
     varied: bool = False
     resolutions: tuple[tuple[int, int, str], ...] = ()
+    changes: tuple[tuple[int, str], ...] = ()
+    notes: tuple[tuple[int, str], ...] = ()
     lacking: tuple[str, ...] = ()
 
     def column(self, name: str) -> list[str]:
@@ -114,11 +122,27 @@ class Table:
         """Where each column stands in a row."""
         return {name: place for place, name in enumerate(self.names)}
 
+    def in_parts(self, changes: tuple[tuple[int, str], ...]) -> Table:
+        """Return it with a column that says between which of such lines, as its `changes` are, a row stands."""
+        at = [line for line, _ in changes]
+        parts = [f"above line {at[0]}", *(f"below line {line}" for line in at)]
+        rows = [[*row, parts[bisect.bisect_left(at, i)]] for i, row in zip(self.lines, self.rows, strict=True)]
+        if len({row[-1] for row in rows}) < 2:
+            return self
+        return replace(self, names=(*self.names, PART), rows=rows, changes=changes)
+
+    def part_at_note(self, part: str) -> Table:
+        """Return it in parts at the note whose line `part` names, at all where it names none; as it is without one."""
+        line = re.fullmatch(r"(?:above|below) line (\d+)", part)
+        notes = tuple(n for n in self.notes if not line or n[0] == int(line[1]))
+        return self.in_parts(notes) if notes and part and PART not in self.names else self
+
     def where(self, conditions: Sequence[str]) -> Table:
         """Return only the rows in which columns are as such conditions as "pad=left" say; `ReadingError`: none is."""
         table = self
         for condition in conditions:
-            name = next((n for n in self.names if condition.startswith(f"{n}=")), "")
+            table = table.part_at_note(condition.removeprefix(f"{PART}=") if condition.startswith(PART) else "")
+            name = next((n for n in table.names if condition.startswith(f"{n}=")), "")
             fields = table.column(name) if name else []
             kept = [n for n, f in enumerate(fields) if f"{name}={f}" == condition]
             if not kept:

@@ -15,6 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from tacstrip.errors import ReadingError
+from tacstrip.io.log_import.changes import in_parts
+from tacstrip.io.log_import.channel_names import with_channel_names
 from tacstrip.io.log_import.conversion import resolutions
 from tacstrip.io.log_import.delimiters import (
     of_sent,
@@ -162,6 +164,7 @@ def _with_lines(table: Table, text: str) -> Table:
     there = dict(numbered(text)) if table.broken else {}
     quotes = {i: there[i].strip() for i in table.broken if i in there}
     quotes = {i: q for i, q in quotes.items() if _is_said(table.quotes.get(i, q), q)}
+    table = in_parts(table, text)
     return replace(
         table, resolutions=resolutions(text, frozenset(table.lines)), quotes={**table.quotes, **quotes}
     )
@@ -181,7 +184,7 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     text, others = without_other_series(text)
     bounded = "what stands behind \u00b1: no readings, passed over" if bounds > 1 else ""
     messages = "; ".join(filter(None, [messages, others, bounded]))
-    text = with_labels(_of_two_lines(of_sent(without_prefix(text))))
+    text = with_labels(with_channel_names(_of_two_lines(of_sent(without_prefix(text)))))
     if (table := of_literals(text, path) or of_dialect(text, str(path))) is not None:
         return in_normal_form(replace(table, remarks=(*filter(None, [messages]), *table.remarks)))
     # The empty lines in between tell where blocks begin.

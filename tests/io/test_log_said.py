@@ -1,0 +1,127 @@
+"""What words around the readings say in whichever language, and sensors that take turns: asked, or no question."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import tacstrip as ts
+from tacstrip.io.log_import.guess import Proposal, propose
+from tacstrip.io.log_import.questions import Unanswered
+from tacstrip.io.log_import.text import of_text
+
+PAD = ts.Sensor(construction="crs-crs", strips=3, pitch_mm=6.0, length_mm=80.0, vref_volt=5.0)
+SCANS = range(10)
+
+
+def log(*said: str, by: int = 1, step: float = 0.02) -> str:
+    """Return a log in volts of as many boards in turn, with comments above it."""
+    lines = [*said, "t,strip,high,low"]
+    for n in SCANS:
+        for board in range(by):
+            high = 2.0 + 0.9 * board + 0.02 * n
+            t = by * step * n + 0.004 * board if step > 0.05 else step * (by * n + board)
+            lines += [f"{t:.3f},{s},{high + 0.1 * s:.3f},{high - 0.7:.3f}" for s in range(3)]
+    return "\n".join(lines) + "\n"
+
+
+def asked(text: str, **answers: str) -> dict[str, tuple[str, ...]]:
+    """Return the keys of what is asked, and the answers that are offered."""
+    with pytest.raises(Unanswered) as error:
+        propose(of_text(text), PAD, answers)
+    return {q.key: q.choices for q in error.value.questions}
+
+
+def read(text: str, **answers: str) -> Proposal:
+    """Return what the log is read as."""
+    return propose(of_text(text), PAD, answers)
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        "# Versorgung nachgemessen: 4,62 V (USB-Hub)", "# alimentation mesurée 4.62 V", "# zmierzono 4,62 V",
+        "# 電源電圧 4.62V", "# alimentación: 4620 mV", "# Speisung 3,3 V", "// besleme 3.3V",
+    ],
+)  # fmt: skip
+def test_volts_of_another_supply_are_asked(said: str) -> None:
+    choices = asked(log(said))["vref_volt"]
+    assert choices[1] == "5"
+    assert read(log(said), vref_volt="5").mapping.vref_volt == 0.0
+    assert read(log(said), vref_volt=choices[0]).mapping.vref_volt == float(choices[0])
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        "# Vref = 5,00 V, USB 4,9 V", "# Akku 3,7 V", "# Bereich 10 V", "# threshold 4.2 V", "# 5 V, 21 C",
+        "# +/- 0,5 mV", "# 0-10 V input", "# strip 4 V", "# resolution 4.88 mV",
+    ],
+)  # fmt: skip
+def test_other_volts_are_no_question(said: str) -> None:
+    assert not read(log(said)).doubts
+
+
+def test_a_usual_supply_without_a_word_of_it_is_a_doubt() -> None:
+    assert any("3,3 V" in d for d in read(log("# Platine mit 3,3 V")).doubts)
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        "# Spannungsteiler 1:2", "# partitore 1:2", "# diviseur de tension 1/2", "# dzielnik napięcia 1:2",
+        "# 電圧は分圧抵抗(1/2)の後で測定", "# za odporem 1:2", "# 分压 1/2",
+    ],
+)  # fmt: skip
+def test_a_ratio_is_asked_in_whichever_language(said: str) -> None:
+    assert asked(log(said))["scale"] == ("1", "2")
+    assert read(log(said), scale="2").mapping.scale == 2.0
+
+
+@pytest.mark.parametrize("said", ["# Verstärkung 2", "# guadagno 2", "# 放大倍数 2", "# wzmocnienie 2"])
+def test_a_gain_is_asked_in_whichever_language(said: str) -> None:
+    assert asked(log(said))["scale"] == ("1", "0.5")
+
+
+@pytest.mark.parametrize(
+    "said", ["# Seite 1/2", "# Versuch 1:3", "# 第1/2回", "# i=1:6", "# 10:15:02", "# 1:1"]
+)
+def test_other_ratios_are_no_question(said: str) -> None:
+    assert read(log(said)).mapping.scale == 1.0
+
+
+@pytest.mark.parametrize(("many", "step"), [(2, 0.02), (2, 0.1), (3, 0.02), (3, 0.1)])
+def test_sensors_in_turn_are_asked(many: int, step: float) -> None:
+    text = log(by=many, step=step)
+    assert asked(text)["turn"] == (*(f"{n + 1}/{many}" for n in range(many)), "all")
+    for n in range(many):
+        scans = read(text, turn=f"{n + 1}/{many}").scans
+        assert [s.values[0, 0] for s in scans] == pytest.approx([2.0 + 0.9 * n + 0.02 * i for i in SCANS])
+        assert scans[0].time_s == 0.0
+    assert len(read(text, turn="all").scans) == many * len(SCANS)
+
+
+def test_times_in_pairs_alone_are_no_turns() -> None:
+    """A serial monitor stamps two lines at once where it reads these together."""
+    lines = ["t,strip,high,low"]
+    for n in range(16):
+        t = 0.04 * (n // 2) + 0.001 * (n % 2)
+        lines += [f"{t:.3f},{s},{2.0 + 0.05 * n + 0.1 * s:.3f},{1.0 + 0.04 * n:.3f}" for s in range(3)]
+    assert len(read("\n".join(lines) + "\n").scans) == 16
+
+
+def test_a_turn_that_is_none_is_refused() -> None:
+    with pytest.raises(ts.OptionError, match="turn = '3/2'"):
+        read(log(by=2), turn="3/2")
+
+
+def test_noise_at_rest_is_no_turns() -> None:
+    rng = np.random.default_rng(7)
+    for _ in range(50):
+        lines = ["t,strip,high,low"]
+        for n in range(12):
+            lines += [
+                f"{0.02 * n:.3f},{s},{2 + rng.normal(0, 0.01):.3f},{1 + rng.normal(0, 0.01):.3f}"
+                for s in range(3)
+            ]
+        assert len(read("\n".join(lines) + "\n").scans) == 12
