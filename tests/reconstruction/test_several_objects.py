@@ -148,8 +148,10 @@ def test_inward_corners_without_a_jump_are_hardly_two_objects() -> None:
 
 
 _U = Polygon([(6, 20), (81, 20), (81, 80), (63, 80), (63, 45), (24, 45), (24, 80), (6, 80)])
-_THREE = Polygon([(6, 20), (81, 20), (81, 40), (6, 40)]), *(
-    Polygon([(a, 50), (b, 50), (b, 80), (a, 80)]) for a, b in ((10, 24), (60, 75))
+_T = Polygon([(40, 0), (50, 0), (50, 40), (90, 40), (90, 60), (0, 60), (0, 40), (40, 40)])
+_THREE = (
+    Polygon([(6, 20), (81, 20), (81, 40), (6, 40)]),
+    *(Polygon([(a, 50), (b, 50), (b, 80), (a, 80)]) for a, b in ((10, 24), (60, 75))),
 )
 
 
@@ -192,9 +194,10 @@ def test_a_second_object_beside_one_on_the_border_is_no_stuck_channel() -> None:
 def test_confidence_and_weights_are_probabilities_of_different_things() -> None:
     """Together they are 1 at most, whatever touches: convex, concave, two objects; one signature or both."""
     random, several = np.random.default_rng(5), 0
-    for number in range(30):
-        shapes = [ELL, DART, _PAIR[0], _U][number % 4 :][:1]
-        placed = [_placed(shape, float(random.uniform(0.0, 360.0))) for shape in shapes]
+    for number in range(40):
+        upright = number % 2 == 0
+        shape = [_T, ELL, DART, _U][number // 2 % 4]
+        placed = [_placed(shape, 90.0 * number if upright else float(random.uniform(0.0, 360.0)))]
         if number % 3 == 0:
             placed.append(affinity.translate(_PAIR[1], 10.0, float(random.uniform(-20.0, 15.0))))
         metal = number % 5 == 4

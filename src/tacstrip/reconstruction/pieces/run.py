@@ -101,9 +101,7 @@ class RunPieces:
         Of objects that is a coincidence: each has a probability of about 2 over the strips. The arms and the base of a
         U, or the parts of a Z, do so by themselves.
         """
-        return (
-            self.count > 2 and self.cover.coincidences >= _COINCIDENCES and len(self.read.x) >= FEW_STRIPS
-        )
+        return self.count > 2 and self.cover.coincidences >= _COINCIDENCES and len(self.read.x) >= FEW_STRIPS
 
     @cached_property
     def apart(self) -> bool:
