@@ -26,8 +26,8 @@ _SLACK = 3.0
 # that one of two begins, or ends, within a strip of the other has a probability of so much over the strips; a contact
 # of one object is pointed there, by so many pitches a strip, as often as it has any other width.
 _OVERHANG, _WITHIN_A_STRIP, _POINTED = 0.2, 2.0, 2.0
-# From log odds by that prior to those of drawn pairs and concave shapes, as many of each: a constant, a factor, and what
-# it tells that pieces are apart wherever they are seen, which jumps one by one do not.
+# From log odds by that prior to those of drawn pairs and concave shapes, as many of each: a constant, a factor, and
+# what it tells that pieces are apart wherever they are seen, which jumps one by one do not.
 _CONSTANT, _FACTOR, _APART = -1.0, 0.7, 2.2
 _LEAST = 0.01  # probability by that prior, from which two objects are told
 
