@@ -30,5 +30,6 @@ def test_an_upright_ell_reads_as_two_objects_and_a_plus_does_not(outline: np.nda
     assert (found is not None) == two
     if found is not None:
         lower, upper = map(shapely.Polygon, found)
-        assert lower.is_valid and upper.is_valid
+        assert lower.is_valid
+        assert upper.is_valid
         assert lower.intersection(upper).area < 0.01 * min(lower.area, upper.area) + 1e-9
