@@ -72,7 +72,8 @@ class Alternative:
     ----------
     weight
         Probability that the true outline is like this one (IoU of .8 or more), and like neither the shape shown nor a
-        heavier alternative. With two signatures it adds up with the shape's confidence, to 1 at most.
+        heavier alternative; of several objects, that it is several. With the shape's confidence all weights are 1 at
+        most.
     vertices
         Its corners (N, 2) [mm], counter-clockwise.
     pose
@@ -121,8 +122,8 @@ class RecoveredObject(Drawn):
     model
         The model whose outline this is, where it is no polygon: the vertices then draw a curve, and are no corners.
     confidence
-        Probability that the outline overlaps the true one by an IoU of .8 or more; None where that was not assessed,
-        or the readings are not explained.
+        Probability that it is one object, and its outline overlaps the true one by an IoU of .8 or more; None where
+        that was not assessed, or the readings are not explained.
     alternatives
         Other outlines that explain the readings, the likeliest first.
     pose

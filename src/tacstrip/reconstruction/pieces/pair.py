@@ -26,7 +26,10 @@ _SLACK = 3.0
 # that one of two begins, or ends, within a strip of the other has a probability of so much over the strips; a contact
 # of one object is pointed there, by so many pitches a strip, as often as it has any other width.
 _OVERHANG, _WITHIN_A_STRIP, _POINTED = 0.2, 2.0, 2.0
-_LEAST = 0.01  # probability of two objects that is told
+# From log odds by that prior to those of drawn pairs and concave shapes, as many of each: a constant, a factor, and
+# what it tells that pieces are apart wherever they are seen, which jumps one by one do not.
+_CONSTANT, _FACTOR, _APART = -1.0, 0.7, 2.2
+_LEAST = 0.01  # probability by that prior, from which two objects are told
 
 
 _Places: TypeAlias = tuple[tuple[int, int], tuple[int, int]]  # strips of the lower, and of the upper object
@@ -44,7 +47,7 @@ class Pair:
     lower, upper
         Outlines of what is seen of them (N, 2) [mm], counter-clockwise.
     probability
-        Of two objects, if it is these or one concave object.
+        Of two objects, if it is these or one concave object, and both are met as often.
     """
 
     lower: FloatArray
@@ -71,7 +74,7 @@ class Ends:
 
 
 def likeliest_pair(
-    ends: Ends, places: Sequence[Sequence[int]], corners: Sequence[Sequence[int]]
+    ends: Ends, places: Sequence[Sequence[int]], corners: Sequence[Sequence[int]], apart: bool
 ) -> Pair | None:
     """Return the pair that is likeliest beside a concave object; None where none is possible, or likely at all.
 
@@ -83,6 +86,8 @@ def likeliest_pair(
         Strips of l, and of u, before which an object may begin or end.
     corners
         Strips right of the inward corners of l, and of u: between them the concave object's chains are convex.
+    apart
+        Whether convex pieces that explain the readings touch nowhere.
     """
     n, best, found = len(ends.x), math.log(_LEAST / (1.0 - _LEAST)), None
     y, weight = ends.y * [[1.0], [-1.0]], 1.0 / ends.sigma**2
@@ -113,7 +118,9 @@ def likeliest_pair(
         odds = _log_odds(ends, both, parts) - 0.5 * max(more, 0.0)
         if odds > best and (shown := _shown(ends, both, parts)) is not None:
             best, found = odds, shown
-    return None if found is None else Pair(*found, 1.0 / (1.0 + math.exp(-best)))
+    if found is None:
+        return None
+    return Pair(*found, 1.0 / (1.0 + math.exp(-(_CONSTANT + _FACTOR * best + _APART * apart))))
 
 
 def _strips(n: int, begin: int, end: int) -> BoolArray:

@@ -19,6 +19,7 @@ from tacstrip.sensor.spec import Sensor
 
 _POINTS = 60  # at most, that the regression sees: a mean of a convex function's neighbours is convex too
 _ROUNDS = 3  # of l with u as it is, and u with l
+_HELD = 1e4  # times the largest weight: of an end where l and u meet
 _GAP = 0.02  # of L: objects nearer to each other are one
 _STAYS, _RAIL = 4.0, 3.0  # deviations: an end is where it was; a reading is none of ground or Vref
 _OUTER = 3  # strips at either end
@@ -73,11 +74,21 @@ def fit_convex(problem: FitProblem, l: FloatArray, u: FloatArray) -> ConvexFit:
     total = np.stack([(slope[g] + np.einsum("nij,nj->ni", matrix[g], near[g])).sum(axis=0) for g in groups])
     z = np.einsum("nij,nj->ni", np.linalg.pinv(m, rcond=1e-10, hermitian=True), total)
     found, kinks = z.copy(), [0, 0]
-    for _ in range(_ROUNDS):
-        for c, sign in ((0, 1.0), (1, -1.0)):
-            own = np.maximum(m[:, c, c], np.finfo(float).tiny)
-            target = z[:, c] - m[:, c, 1 - c] / own * (found[:, 1 - c] - z[:, 1 - c])
-            found[:, c], kinks[c] = convex_regression(x, target, own, sign)
+    meets: dict[int, float] = {}
+    for _ in range(3):  # with ends free, with one where they meet, with both
+        for _ in range(_ROUNDS):
+            for c, sign in ((0, 1.0), (1, -1.0)):
+                own = np.maximum(m[:, c, c], np.finfo(float).tiny)
+                target = z[:, c] - m[:, c, 1 - c] / own * (found[:, 1 - c] - z[:, 1 - c])
+                for end, y in meets.items():
+                    target[end], own[end] = y, _HELD * own.max()
+                found[:, c], kinks[c] = convex_regression(x, target, own, sign)
+        # u - l is concave: where it is below 0 it is so at an end, and the contact is pointed there.
+        crossed = [end for end in (0, -1) if end not in meets and found[end, 0] > found[end, 1]]
+        if not crossed:
+            break
+        for end in crossed:
+            meets[end] = float((m[end] @ z[end]).sum() / max(m[end].sum(), np.finfo(float).tiny))
     off = found - z
     chi = float(np.einsum("ni,nij,nj->", off, m, off))
     return ConvexFit(x, found.T, chi, max(2 * len(x) - sum(kinks) - 4, 1))
@@ -100,8 +111,9 @@ def _slope(run: float, rise: float) -> float:
 def one_end_off(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray]) -> bool:
     """Whether readings were left out of a strip where one end of the contact, and no more, would lie elsewhere.
 
-    A faulty channel moves both ends, or to where none can be; a second object, or an overhang, moves one. Amid strips
-    that agree none touches a single strip; where few readings are left to check, nothing tells.
+    A faulty channel moves both ends, or to where none can be; a second object, or an overhang, moves one. (At the
+    sensor's border a fault that leaves a reading off ground and Vref does so too, which is rare.) Amid strips that
+    agree none touches a single strip; where few readings are left to check, nothing tells.
     """
     if not np.count_nonzero(run.excluded):
         return False
@@ -116,9 +128,11 @@ def one_end_off(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray])
         spread = np.stack([np.hypot(*by_u), np.hypot(*by_l)]) / np.abs(by_l[0] * by_u[1] - by_l[1] * by_u[0])
         deviations = np.abs(off) / (run.sigma * spread)
         rail = _RAIL * run.sigma
-        inside = (kl > rail) & (kh < 1.0 - rail) & (kh > kl)
+        read = np.stack([kh, kl])
+        inside = (kh > kl) & ~(run.excluded & ((read <= rail) | (read >= 1.0 - rail))).any(axis=0)
     left_out = run.excluded.any(axis=0) & inside
     one = (deviations.min(axis=0) <= _STAYS) & (deviations.max(axis=0) >= 2.0 * _STAYS)
     one &= np.abs(off).max(axis=0) >= _GAP
-    one[_OUTER:-_OUTER] = False
+    beside = np.pad(left_out & one, 1)
+    one[_OUTER:-_OUTER] &= (beside[:-2] | beside[2:])[_OUTER:-_OUTER]
     return bool((left_out & (one | (run.freedom < CHECKS))).any())

@@ -55,7 +55,8 @@ _NEVER = (
     2.0  # confidence that is enough: of few strips with one signature 1 in 10 is wrong even of the surest
 )
 _NAMED = 5  # strips that advice names
-_RATHER_TWO, _NOTED = 0.5, 0.05  # probability of two objects: more, and the count is wrong; less is not told
+# Probability of two objects: that the outline overlaps less than "ok" promises, and is doubted; less is not told.
+_OTHER, _NOTED = 0.14, 0.05
 _FAINT = "no corner could be distinguished from noise: a line fits as well as the triangle that is given; {}"
 _EMPTY = (
     "no polygon stays within the noise's bound on every strip: the noise is larger than given, or the contact is no "
@@ -200,14 +201,14 @@ def reconstruct_object(
     explained = not wrong or (wrong == uncounted and assessed.better is not None)
     confidence, alternatives = assessed.confidence if explained else None, assessed.alternatives
     if pair is not None:
-        right = pair.overlap(outline.vertices) >= PROMISED_IOU
-        one = 1.0 if right else 1.0 - pair.probability
+        one = 1.0 - pair.probability
         sure = one if confidence is None else one * confidence
         confidence = None if confidence is None else sure
         two = Alternative(pair.probability, pair.lower, others=(pair.upper,))
-        rest = (replace(a, weight=a.weight * (1.0 - pair.probability)) for a in alternatives)
+        rest = (replace(a, weight=a.weight * one) for a in alternatives)
         alternatives = tuple(sorted((two, *rest), key=lambda a: -a.weight))
         if not wrong:
+            right = pair.overlap(outline.vertices) >= PROMISED_IOU
             wrong, note = _two_objects(pair.probability, right, sure)
             notes.insert(0, note)
     enough = ENOUGH if not second else _NEVER if never else ENOUGH_OF_ONE
@@ -270,9 +271,9 @@ def _two_objects(probability: float, right: bool, confidence: float) -> tuple[st
         f"two objects on the same strips explain the readings too, with a probability of {probability:.2f} (see the "
         "alternatives): slide or turn the contact and track it, or add a second layer, to tell"
     )
-    if right and probability < _RATHER_TWO:
-        return "", f"{told}; the outline holds either way" if probability >= _NOTED else ""
-    return (told, "") if right or confidence < ENOUGH else ("", told if probability >= _NOTED else "")
+    if confidence < ENOUGH or (probability >= _OTHER and not right):
+        return told, ""
+    return "", told + ("; the outline holds either way" if right else "") if probability >= _NOTED else ""
 
 
 def _verdict(

@@ -174,7 +174,9 @@ def assess(
     counted = drawn.weight[: len(drawn.samples.outlines)] > 0.0
     squares = drawn.samples.squares[counted] if counted.any() else drawn.samples.squares
     explained = float(np.median(squares)) < allowed
-    rest = 1.0 - confidence if isinstance(better, RoundedOutline) else 1.0  # which draws know nothing of
+    # What is not the estimate's is theirs, at most; and of a rounded one the draws know nothing.
+    unlike = 1.0 if isinstance(better, RoundedOutline) else float(drawn.weight[~own].sum())
+    rest = min(1.0, (1.0 - confidence) / unlike) if unlike > 0.0 else 0.0
     others = _alternatives(drawn, every >= PROMISED_IOU, own, rest)
     return Assessment(confidence, others, better, bool(explained))
 
