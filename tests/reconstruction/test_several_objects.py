@@ -149,21 +149,6 @@ def test_inward_corners_without_a_jump_are_hardly_two_objects() -> None:
 
 _U = Polygon([(6, 20), (81, 20), (81, 80), (63, 80), (63, 45), (24, 45), (24, 80), (6, 80)])
 _T = Polygon([(40, 0), (50, 0), (50, 40), (90, 40), (90, 60), (0, 60), (0, 40), (40, 40)])
-_THREE = (
-    Polygon([(6, 20), (81, 20), (81, 40), (6, 40)]),
-    *(Polygon([(a, 50), (b, 50), (b, 80), (a, 80)]) for a, b in ((10, 24), (60, 75))),
-)
-
-
-def test_a_u_would_be_three_objects_by_coincidence_alone() -> None:
-    """Its arms begin and end with its base: objects do not, to a strip, at both ends."""
-    sensor = ts.Sensor(construction="crs-crs", strips=30, pitch_mm=3.0, length_mm=100.0)
-    noise = ts.Noise(positional=0.003)
-    one, three = _fitted(_U, sensor=sensor, noise=noise), _fitted(*_THREE, sensor=sensor, noise=noise)
-    assert one.status == "ok", one.advice
-    assert ts.mismatch(np.asarray(_U.exterior.coords)[:-1], one.vertices).iou > 0.9
-    assert three.status == "doubtful"
-    assert "at least 3 convex pieces" in three.advice
 
 
 def test_the_ends_of_a_convex_contact_do_not_cross() -> None:

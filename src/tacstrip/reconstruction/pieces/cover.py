@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
-from itertools import combinations, count, pairwise
+from itertools import combinations, count
 
 import numpy as np
 import shapely
@@ -122,20 +122,6 @@ class Cover:
     pieces: list[tuple[int, ...]]
     others: tuple[Cover, ...] = ()
     fewest: int | None = None
-
-    @property
-    def coincidences(self) -> int:
-        """How often a piece begins, or ends, to a strip where another one does."""
-        found = 0
-        for begin in (True, False):
-            at = sorted(
-                (min if begin else max)(
-                    self.parts[i].stretch.start if begin else self.parts[i].stretch.stop for i in piece
-                )
-                for piece in self.pieces
-            )
-            found += sum(b - a <= _NEAR for a, b in pairwise(at))
-        return found
 
     def gap_mm(self, pitch: float) -> float:
         """Return the least distance [mm] between what the strips show of two pieces, infinite with one piece.

@@ -22,7 +22,6 @@ _LEAST_SIGMA = 5e-4  # of Vref, of noise that few strips tell
 _EXACT = 1e-5  # of Vref: no reading is taken for more exact
 _NARROW = 0.25  # of the width beside it: a strip that may show one of two objects alone
 _ALARM = 3.09  # deviations of chi square: p = .001
-_COINCIDENCES = 2  # of pieces: more than objects have by chance
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,15 +92,6 @@ class RunPieces:
             and any(chain.shed(right, self.gap) is not None for chain in self.chains)
             for right, end, beside in ((False, 0, 1), (True, -1, -2))
         )
-
-    @property
-    def coincident(self) -> bool:
-        """Whether three pieces or more would have to begin, or end, on the same strips, twice over.
-
-        Of objects that is a coincidence: each has a probability of about 2 over the strips. The arms and the base of a
-        U, or the parts of a Z, do so by themselves.
-        """
-        return self.count > 2 and self.cover.coincidences >= _COINCIDENCES and len(self.read.x) >= FEW_STRIPS
 
     @cached_property
     def apart(self) -> bool:

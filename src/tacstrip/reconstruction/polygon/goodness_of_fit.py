@@ -167,7 +167,7 @@ def second_look(
     if not np.isfinite(sum(readings.values())).any():
         return wrong, None  # no strip has both its ends: nothing tells pieces
     pieces = _pieces_of(run, sensor, readings, sigma)
-    apart = pieces.apart and not pieces.coincident
+    apart = pieces.apart
     ends = fit.ends(problem.x)
     if not apart and (convex := fit_convex(problem, *ends)).explains:
         x = convex.x * problem.width_mm + problem.origin_mm
@@ -178,7 +178,7 @@ def second_look(
     if wrong:
         more = f"; at least {pieces.count} convex pieces explain the readings"
         return wrong if pieces.count == 1 else wrong + more, None
-    pair = _pair_of(run, sensor, pieces, inward_corners(fit), apart)
+    pair = _pair_of(run, sensor, pieces, inward_corners(fit))
     jumps = [cut for _, cut in pieces.cuts if cut.kind != "corner"]
     step = max((cut.rise for cut in jumps), default=0.0)
     jump = f"an end jumps by {step:.3g} mm from one strip to the next"
@@ -210,7 +210,7 @@ def _pieces_of(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray], 
 
 
 def _pair_of(
-    run: RunFit, sensor: Sensor, pieces: RunPieces, inward: tuple[list[float], list[float]], apart: bool
+    run: RunFit, sensor: Sensor, pieces: RunPieces, inward: tuple[list[float], list[float]]
 ) -> Pair | None:
     """Return the two objects that may be taken for one concave one, of which corners turn inwards."""
     of_l, of_u = pieces.chains
@@ -228,7 +228,7 @@ def _pair_of(
         close = {i + off for i in at for off in range(-_NEAR_CORNER, _NEAR_CORNER + 1)}
         close |= {int(strips[cut.strip]) for of, cut in pieces.cuts if of == side} | {1, len(x) - 1}
         near.append(sorted(i for i in close if 0 < i < len(x)))
-    return likeliest_pair(ends, near, right, apart)
+    return likeliest_pair(ends, near, right, pieces.apart)
 
 
 def _behind(cut: Cut, x: FloatArray) -> float:
