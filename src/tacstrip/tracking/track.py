@@ -778,7 +778,8 @@ def _with_a_corner_cut(one: Object) -> Object | None:
     fit, chosen = one.found.fit, one.found.chosen
     few = one.scans.strips_touched < FEW_STRIPS or len(one.scans.read) == 1
     part = fit.basis is not None and len(chosen) < len(fit.poses)
-    if not few or part or len(fit.corners) + 1 >= FIRST or reflex(fit.corners).any():
+    shared = bool(one.shared)  # scans that it shares strips in have sharpened it, and are not among these
+    if shared or not few or part or len(fit.corners) + 1 >= FIRST or reflex(fit.corners).any():
         return None
     some, fit = one.scans.of(chosen), replace(fit, poses=fit.poses[chosen], costs=fit.costs[chosen])
     cut = with_a_corner_cut(some, fit, _COUNTED * some.sensor.pitch_mm)
