@@ -14,7 +14,9 @@ import pytest
 
 import tacstrip as ts
 from studies.mutations import make_inputs
+from tacstrip.errors import OptionError
 from tacstrip.files import replacing, why_unreadable, write_text
+from tacstrip.io.log_import.mapping import ColumnMapping
 from tacstrip.stream import ReadingsSource, recover
 
 SENSOR = ts.Sensor(construction="crs-crs", strips=12, pitch_mm=5.0, length_mm=100.0, adc_bits=12)
@@ -199,6 +201,8 @@ def test_what_has_no_end_is_not_read(tmp_path: Path) -> None:
     for file in _endless(tmp_path, ".toml"):
         with pytest.raises(ts.SpecError, match=r"toml: is a (pipe|device), not a file; save what it gives"):
             ts.Sensor.load(file)
+        with pytest.raises(OptionError, match=r"toml: is a (pipe|device), not a file"):
+            ColumnMapping.load(file)
     for file in _endless(tmp_path, ".csv"):
         for read in (ts.read_readings, ts.read_runs, ReadingsSource):
             with pytest.raises(ts.ReadingError, match=r"csv: is a (pipe|device), not a file"):

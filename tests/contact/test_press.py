@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import logging
 import math
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, cast
@@ -156,6 +158,19 @@ def test_meshes_that_are_not_as_they_should_be() -> None:
         pressed(metres)
     with pytest.raises(OptionError, match="unit 'ft' does not exist; choose one of: mm, cm, m, inch"):
         pressed(good, "ft")
+
+
+def test_normals_that_cannot_be_read_are_not_needed_and_cost_no_traceback(
+    tmp_path: Path,
+) -> None:
+    text = trimesh.creation.box((12, 6, 8)).export(file_type="stl_ascii")
+    file = tmp_path / "box.stl"
+    file.write_text(text.replace("facet normal -1.0", "facet normal one", 1))
+    program = (
+        f"import tacstrip as ts; ts.Solid.from_mesh({str(file)!r})"  # pytest's own handlers would take it
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stderr == ""
 
 
 def test_without_embreex_it_is_said_once_and_reads_the_same(

@@ -96,6 +96,13 @@ def test_parameters_change_the_design(tmp_path: Path) -> None:
     assert changed(unequal, {"sensor.construction": "crs-m"}).sensor.resistivity_ratio == 1.0
 
 
+@pytest.mark.parametrize("pitch_mm", [1e-320, 0.0, "wide"])
+def test_a_pitch_that_cannot_be_is_a_designs_problem(tmp_path: Path, pitch_mm: Any) -> None:
+    base = _study(tmp_path).base
+    with pytest.raises(SpecError, match="no number of strips"):
+        changed(base, {"sensor.width_mm": 100.0, "sensor.pitch_mm": pitch_mm})
+
+
 def test_measures_are_what_they_say(tmp_path: Path) -> None:
     """Of ten presses at little noise: the fit is as good as the bound, and counts corners right."""
     base = _study(tmp_path).base

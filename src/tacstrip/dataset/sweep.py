@@ -213,7 +213,7 @@ def changed(base: Case, parameters: Mapping[str, Any]) -> Case:
                     "radius_mm": sensor.radius_mm if "radius_mm" in keys else None,
                 } | own
             if width is not None:
-                own["strips"] = max(1, round(width / own.get("pitch_mm", sensor.pitch_mm)))
+                own["strips"] = _strips(width, own.get("pitch_mm", sensor.pitch_mm))
             own.setdefault("calibration", None)  # a design is no unit
             sensor = replace(sensor, **own)
         elif table == "shapes":
@@ -221,6 +221,14 @@ def changed(base: Case, parameters: Mapping[str, Any]) -> Case:
         else:
             noise = replace(noise, **own)
     return Case(sensor, Shapes.from_dict(shapes), noise)
+
+
+def _strips(width_mm: float, pitch_mm: float) -> int:
+    """Return how many strips a width takes; `SpecError` where that is no number of strips."""
+    try:
+        return max(1, round(width_mm / pitch_mm))
+    except (TypeError, ArithmeticError, ValueError):
+        raise SpecError(f"width_mm = {width_mm}, pitch_mm = {pitch_mm}: no number of strips") from None
 
 
 def do(work: Work) -> tuple[list[Row], float]:

@@ -22,6 +22,9 @@ _UNITS_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
 _SMALLEST_MM, _LARGEST_MM = 0.5, 5e3  # of an object: beyond, the unit is another
 _MISS = -0.05  # mm: indentation where a ray meets nothing: not touched, and not far from it
 _told: set[str] = set()
+_NOWHERE = (
+    logging.NullHandler()
+)  # of what trimesh cannot read and does not need, such as normals, it logs tracebacks
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +55,7 @@ class Mesh:
         if isinstance(path, str | Path):
             if not Path(path).is_file():
                 raise ContactError(f"{path}: no such file; give a mesh (.stl, .obj, .ply)")
+            logging.getLogger("trimesh").addHandler(_NOWHERE)
             try:
                 with warnings.catch_warnings():
                     warnings.simplefilter("ignore")

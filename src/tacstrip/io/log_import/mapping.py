@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 
 from tacstrip.errors import OptionError, one_of
-from tacstrip.files import read_text, write_text
+from tacstrip.files import read_text, why_unreadable, write_text
 from tacstrip.io.log_import.names import CHANNELS, CLOCKS, READING_UNITS, TIME_UNITS
 
 RESTARTS = ("error", "continue", "first", "last")
@@ -116,10 +116,14 @@ class ColumnMapping:
     def load(cls, path: str | Path) -> ColumnMapping:
         """Read one; `OptionError` names what is wrong with it."""
         try:
+            if why := why_unreadable(path):
+                raise OptionError(f"{path}: {why}")
             given = tomllib.loads(read_text(path))
         except FileNotFoundError:
             raise OptionError(f"{path}: no such file") from None
-        except (OSError, ValueError) as error:
+        except OptionError:
+            raise
+        except (OSError, ValueError, RecursionError) as error:
             raise OptionError(f"{path}: no mapping in TOML ({error})") from None
         known = {item.name: item for item in fields(cls)}
         for key, value in given.items():
