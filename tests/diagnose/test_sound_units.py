@@ -74,7 +74,7 @@ def test_offsets_and_exchanged_wires_are_weighed_where_a_contact_stays() -> None
     """One difference and one prediction: offsets of some per cent do it too, and then it is asked."""
 
     def told(difference: float, predicted: float) -> bool | None:
-        return _sign_reversed(np.array([difference]), np.array([predicted]), difference, (0.08, 0.025), 0.001)
+        return _sign_reversed(np.array([difference]), np.array([predicted]), difference, (0.08, 0.03), 0.001)
 
     assert told(0.05, 0.05) is None
     assert told(-0.03, 0.05) is None

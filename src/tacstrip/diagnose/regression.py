@@ -16,6 +16,7 @@ _LIKE, _LIKE_NOISE, _FLICKER = (
     4,
 )  # over Vref and deviations; channels at a contact's rim that come and go
 _NEXT = 4  # places
+_COMPARED = 6  # channels: fewer are alike at other places, too
 _LATER = 0.04  # of the recording: another time
 
 
@@ -59,7 +60,11 @@ def repeats(values: FloatArray, rows: IntArray, sigma: float) -> bool:
     filled = np.nan_to_num(read)
     apart = np.abs(filled[:, None] - filled[None])
     apart[~(known[:, None] & known[None])] = 0.0
-    alike = (differ <= _FLICKER) & (both > 0) & (apart.max(axis=2) < max(_LIKE, _LIKE_NOISE * sigma))
+    alike = (
+        (differ <= np.minimum(_FLICKER, both // 4))
+        & (both >= _COMPARED)
+        & (apart.max(axis=2) < max(_LIKE, _LIKE_NOISE * sigma))
+    )
     alike &= np.abs(one[:, None] - one[None]) > len(values) * _LATER
     # What comes next is alike there, too, on the way there or back: other ways only cross.
     on = max(_NEXT // step, 1)

@@ -68,13 +68,11 @@ def shorts(work: WorkingCopy) -> Iterator[Suspect]:
 
 
 def _not_repeated(work: WorkingCopy, found: Iterator[tuple[int, Suspect]]) -> Iterator[Suspect]:
-    """Yield suspects of pairs; where all that came there is one movement, it is asked for what would have been told."""
+    """Yield suspects of pairs; doubtful where all that came there is one movement, again and again."""
     for strip, suspect in found:
         rows = np.flatnonzero(work.there[:, strip : strip + 2].all(axis=1))
-        if not repeats(np.concatenate(list(work.k.values()), axis=1), rows, work.sigma):
-            yield suspect
-        elif not suspect.doubtful:
-            yield replace(suspect, doubtful=True)
+        again = repeats(np.concatenate(list(work.k.values()), axis=1), rows, work.sigma)
+        yield replace(suspect, doubtful=suspect.doubtful or again)
 
 
 def _tied_sensing(work: WorkingCopy) -> Iterator[tuple[int, Suspect]]:
