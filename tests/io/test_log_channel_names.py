@@ -37,7 +37,9 @@ def log(head: str, order: str, word: str = "strip {s} {e}", ends: tuple[str, str
         table="\n".join(f"{n + 101},{name},DC Voltage,10 V,No,1" for n, name in enumerate(names)),
         comments="\n".join(f"# {c}: {name}" for c, name in zip(channels, names, strict=True)),
     )  # fmt: skip
-    return text + "".join(f"{0.1 * n:.1f}," + ",".join(f"{V[n, s, e]:.3f}" for s, e in at) + "\n" for n in SCANS)
+    return text + "".join(
+        f"{0.1 * n:.1f}," + ",".join(f"{V[n, s, e]:.3f}" for s, e in at) + "\n" for n in SCANS
+    )
 
 
 def values(text: str, **answers: str) -> np.ndarray:
