@@ -63,6 +63,7 @@ def of_dialect(text: str, path: str) -> Table | None:
     )
     return next((table for read in readers if (table := read(text, path)) is not None), None)
 
+
 _MOST_SPANNED = 10_000  # rows or columns that a cell may span
 
 
@@ -137,7 +138,9 @@ def _spread(rows: list[str]) -> list[list[str]]:
         for opened, inner in re.findall(r"<t[dh]\b(.*?)>(.*?)</t[dh]>", row, re.IGNORECASE | re.DOTALL):
             _fill(made, below)
             tall, wide = (
-                min(int(m[1]), _MOST_SPANNED) if (m := re.search(rf"{s}span\s*=\s*[\"']?(\d+)", opened, re.IGNORECASE)) else 1
+                min(int(m[1]), _MOST_SPANNED)
+                if (m := re.search(rf"{s}span\s*=\s*[\"']?(\d+)", opened, re.IGNORECASE))
+                else 1
                 for s in ("row", "col")
             )
             cell = html.unescape(re.sub(r"<[^>]*>", "", inner))
