@@ -174,6 +174,6 @@ def strips_told_otherwise(lines: Sequence[str]) -> list[str]:
         return []
     first, second = [*found][:2]
     return [
-        f"the log says {first!r} and {second!r}, which is not used: strips are as the columns are named; if those names "
-        "are of channels, put the strips' into them"
+        f"the log says {first!r} and {second!r}, which is not used: strips are as the columns are named; if those "
+        "names are of channels, put the strips' into them"
     ]
