@@ -41,14 +41,18 @@ def test_a_table_on_its_side_is_turned(times: str, label: str, by: str, grouped:
     word, *ends = label.split("|")
     at = [(s, e) for e in (0, 1) for s in range(4)] if grouped else [(s, e) for s in range(4) for e in (0, 1)]
     lines = [by.join(["channel [V]", *(times.format(ms=50 * n, s=0.05 * n) for n in SCANS)])]
-    lines += [by.join([word.format(s=s + 1, e=ends[e]), *(cell(V[n, s, e], "open") for n in SCANS)]) for s, e in at]
+    lines += [
+        by.join([word.format(s=s + 1, e=ends[e]), *(cell(V[n, s, e], "open") for n in SCANS)]) for s, e in at
+    ]
     found, at_s = read("Notes" + by + "lab 2\n" + "\n".join(lines) + "\n")
     assert found == pytest.approx(V, nan_ok=True)
     assert at_s == pytest.approx([0.05 * n for n in SCANS])
 
 
 def test_columns_that_do_not_rise_are_no_times() -> None:
-    text = "channel,5 ms,3 ms,4 ms,9 ms\n" + "".join(f"strip {s} {e},1,2,1,2\n" for s in range(4) for e in "HL")
+    text = "channel,5 ms,3 ms,4 ms,9 ms\n" + "".join(
+        f"strip {s} {e},1,2,1,2\n" for s in range(4) for e in "HL"
+    )
     with pytest.raises((Unanswered, ts.ReadingError)):
         read(text)
 
@@ -59,10 +63,18 @@ def test_cells_that_span_rows_are_filled_down(over: str) -> None:
     for a in SCANS if over == "time" else range(4):
         for k, b in enumerate(range(4) if over == "time" else SCANS):
             n, s = (a, b) if over == "time" else (b, a)
-            both = "<td colspan=2>-</td>" if np.isnan(V[n, s, 0]) else "".join(f"<td>{cell(v)}</td>" for v in V[n, s])
+            both = (
+                "<td colspan=2>-</td>"
+                if np.isnan(V[n, s, 0])
+                else "".join(f"<td>{cell(v)}</td>" for v in V[n, s])
+            )
             lead, own = (f"{0.05 * n:.2f}", str(s + 1)) if over == "time" else (str(s + 1), f"{0.05 * n:.2f}")
             many = 4 if over == "time" else len(SCANS)
-            rows.append("<tr>" + (f'<td rowspan="{many}">{lead}</td>' if k == 0 else "") + f"<td>{own}</td>{both}</tr>")
+            rows.append(
+                "<tr>"
+                + (f'<td rowspan="{many}">{lead}</td>' if k == 0 else "")
+                + f"<td>{own}</td>{both}</tr>"
+            )
     first, second = ("t [s]", "strip") if over == "time" else ("strip", "t [s]")
     text = f"<table><tr><th>{first}</th><th>{second}</th><th>high [V]</th><th>low [V]</th></tr>{''.join(rows)}</table>"
     found, at_s = read(text)
@@ -72,7 +84,12 @@ def test_cells_that_span_rows_are_filled_down(over: str) -> None:
 
 @pytest.mark.parametrize("zone", ["+01", "-05", "+01:00", "+0530", ""])
 def test_what_a_database_prints_around_its_table_is_no_time(zone: str) -> None:
-    lines = ["Timing is on.", "Time: 0.412 ms", " ts | strip | u_high | u_low", "----+-------+--------+------"]
+    lines = [
+        "Timing is on.",
+        "Time: 0.412 ms",
+        " ts | strip | u_high | u_low",
+        "----+-------+--------+------",
+    ]
     for n in SCANS:
         stamp = f"2026-11-23 10:00:0{n // 5}" + (f".{2 * n % 10}" if n % 5 else "") + zone
         lines += [f" {stamp} | {s + 1} | {cell(V[n, s, 0])} | {cell(V[n, s, 1])}" for s in range(4)]
@@ -93,7 +110,9 @@ def test_series_of_which_the_first_has_one_line_are_sorted() -> None:
     assert at_s == pytest.approx([0.05 * n for n in SCANS])
 
 
-@pytest.mark.parametrize(("tag", "by"), [("SKIN", ","), ("$PTAC", ","), ("strip", " "), ("T", ";"), ("haut", "\t")])
+@pytest.mark.parametrize(
+    ("tag", "by"), [("SKIN", ","), ("$PTAC", ","), ("strip", " "), ("T", ";"), ("haut", "\t")]
+)
 def test_lines_of_other_tags_are_left_out(tag: str, by: str) -> None:
     lines = ["hub v3"]
     for n in SCANS:

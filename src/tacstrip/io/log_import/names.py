@@ -88,7 +88,9 @@ _TRANSLATED = {
     for word in alike.split()
 }
 OTHER_SCRIPT = re.compile("|".join(sorted(_TRANSLATED, key=len, reverse=True)))
-_UNCOMBINED = str.maketrans("\u0142\u0141\u00f8\u00d8\u0111\u0131", "lLoOdi")  # letters that are none with a mark
+_UNCOMBINED = str.maketrans(
+    "\u0142\u0141\u00f8\u00d8\u0111\u0131", "lLoOdi"
+)  # letters that are none with a mark
 UNITS = {
     word: unit
     for unit, alike in {

@@ -126,7 +126,9 @@ class Table:
         """Return it with a column that says between which of such lines, as its `changes` are, a row stands."""
         at = [line for line, _ in changes]
         parts = [f"above line {at[0]}", *(f"below line {line}" for line in at)]
-        rows = [[*row, parts[bisect.bisect_left(at, i)]] for i, row in zip(self.lines, self.rows, strict=True)]
+        rows = [
+            [*row, parts[bisect.bisect_left(at, i)]] for i, row in zip(self.lines, self.rows, strict=True)
+        ]
         if len({row[-1] for row in rows}) < 2:
             return self
         return replace(self, names=(*self.names, PART), rows=rows, changes=changes)
@@ -141,7 +143,9 @@ class Table:
         """Return only the rows in which columns are as such conditions as "pad=left" say; `ReadingError`: none is."""
         table = self
         for condition in conditions:
-            table = table.part_at_note(condition.removeprefix(f"{PART}=") if condition.startswith(PART) else "")
+            table = table.part_at_note(
+                condition.removeprefix(f"{PART}=") if condition.startswith(PART) else ""
+            )
             name = next((n for n in table.names if condition.startswith(f"{n}=")), "")
             fields = table.column(name) if name else []
             kept = [n for n, f in enumerate(fields) if f"{name}={f}" == condition]

@@ -88,7 +88,9 @@ _SHELL = re.compile(
     r"\s*(?:>>> (?!\s*[-+\d.]).*|> [A-Za-z.].*|\[\d+ rows x \d+ columns\]\s*|\(?\d+ rows?(?: in set.*|\)\s*))"
 )  # around a printed DataFrame
 _COUNT_OF_ROWS = re.compile(r"\s*\(?\d+ rows?(?:\)| in set.*)\s*")  # below what a database prints
-_QUERIED = re.compile(r"\s*(?:Time: [\d.,]+ ms(?: \([\d:.]+\))?|Timing is o(?:n|ff)\.?|SET)\s*")  # psql, of its own
+_QUERIED = re.compile(
+    r"\s*(?:Time: [\d.,]+ ms(?: \([\d:.]+\))?|Timing is o(?:n|ff)\.?|SET)\s*"
+)  # psql, of its own
 _R_ROW = re.compile(r"\s*\[\d+,\](?=\s)")  # before the rows of a matrix that R prints
 _REMARK_NAMES = (
     r"notes?|remarks?|comments?|labels?|events?|bemerkung(?:en)?|notizen?|kommentare?|remarques?|notas?"
