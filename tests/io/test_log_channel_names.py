@@ -70,3 +70,11 @@ def test_names_above_the_readings_that_tell_strips_stay() -> None:
     named = ",".join(f"h{s + 1},l{s + 1}" for s, e in ORDERS["up"] if not e)
     text = "t [s]," + named + "\n" + "".join(log("row", "up").splitlines(keepends=True)[5:])
     assert values("Note," + named.replace("h1,l1", "h4,l4") + "\n" + text) == pytest.approx(V)
+
+
+def test_strips_told_of_channels_that_are_not_to_be_matched_are_a_doubt() -> None:
+    text = "".join(f"Kanal {n} = Streifen {5 - n} oben\n" for n in range(1, 5)) + "(unten ebenso)\nt [s],"
+    text += ",".join(f"Kanal {n} {e} [V]" for e in "ou" for n in range(1, 5)) + "\n"
+    for n in SCANS:
+        text += f"{n / 10}," + ",".join(f"{v:.3f}" for v in V[n].T.ravel()) + "\n"
+    assert any("Kanal 1 = Streifen 4" in d for d in propose(of_text(text), PAD).doubts)

@@ -101,6 +101,16 @@ def test_sensors_in_turn_are_asked(many: int, step: float) -> None:
     assert len(read(text, turn="all").scans) == many * len(SCANS)
 
 
+@pytest.mark.parametrize("pause", [0.02, 0.1])
+def test_sensors_in_turn_that_cross_are_told_by_their_times(pause: float) -> None:
+    lines = ["t,strip,high,low"]
+    for n in SCANS:
+        for board, high in enumerate((2.0 + 0.2 * n, 4.0 - 0.2 * n)):
+            t = n * pause + 0.004 * board
+            lines += [f"{t:.3f},{s},{high + 0.1 * s:.3f},{high - 0.7:.3f}" for s in range(3)]
+    assert "turn" in asked("\n".join(lines) + "\n")
+
+
 def test_times_in_pairs_alone_are_no_turns() -> None:
     """A serial monitor stamps two lines at once where it reads these together."""
     lines = ["t,strip,high,low"]

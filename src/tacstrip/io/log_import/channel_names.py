@@ -40,7 +40,7 @@ def with_channel_names(text: str) -> str:
         return text
     first = next(n for n, row in enumerate(rows) if _is_data(row) and len(row) == width)
     head = next((n for n in range(first - 1, -1, -1) if len(rows[n]) == width and _words(rows[n])), -1)
-    if head >= 0 and _tell_strips(rows[head][1:]):
+    if head >= 0 and tell_strips(rows[head][1:]):
         if not any(line.strip() for line in lines[head + 1 : first]):
             return text
         head = -1
@@ -68,7 +68,7 @@ def _words(row: Sequence[str]) -> bool:
     return len(filled) > 1 and len({*filled}) == len(filled) and all(re.search(r"[^\W\d]", f) for f in filled)
 
 
-def _tell_strips(names: Sequence[str]) -> bool:
+def tell_strips(names: Sequence[str]) -> bool:
     """Return whether names tell a strip and an end each, of two ends, and none twice."""
     filled = [n for n in names if n]
     said: list[Meaning] = list(meanings(filled).values()) if len({*filled}) == len(filled) >= _FEW else []
@@ -82,7 +82,7 @@ def _of_row(rows: Rows, first: int, head: int, width: int) -> tuple[list[str], s
     """Return names of a row above, whose fields stand above those of the readings, and the lines to be left out."""
     for n in range(first):
         row = rows[n]
-        if n == head or len(row) != width or not _tell_strips(row[1:]) or any(len(f) > _LONGEST for f in row):
+        if n == head or len(row) != width or not tell_strips(row[1:]) or any(len(f) > _LONGEST for f in row):
             continue
         own = rows[head] if head >= 0 else [""] * width
         named = [own[0] if head >= 0 else "index"]
@@ -129,7 +129,7 @@ def _of_lines(lines: list[str], rows: Rows, head: int) -> tuple[list[str], set[i
         if (
             len(labels) < len(there)
             or {*labels} != {*numbers.values()}
-            or not _tell_strips([*labels.values()])
+            or not tell_strips([*labels.values()])
         ):
             continue
         named = []
@@ -148,3 +148,32 @@ def _scaled_by_nothing(rows: Rows, first: int, table: Rows) -> set[int]:
     at = [n for n, name in enumerate(names) if name.casefold() in _SCALING]
     none = all(row[n].casefold() in _NO_SCALING for row in table for n in at if n < len(row))
     return {first - 1} if at and none else set()
+
+
+def strips_told_otherwise(lines: Sequence[str]) -> list[str]:
+    """Return a doubt where lines such as "channel 1 = strip 6 top" tell strips of other numbers than the channels'.
+
+    Not where they only count from another number on.
+
+    Examples
+    --------
+    >>> strips_told_otherwise(["K1 = strip 2", "K2 = strip 1", "Lab 3"])[0][:48]
+    "the log says 'K1 = strip 2' and 'K2 = strip 1', "
+    >>> strips_told_otherwise(["K1: strip 0", "K2: strip 1"])
+    []
+    """
+    found: dict[str, tuple[int, int]] = {}
+    for line in lines:
+        sides = _ASSIGNED.split(line.strip("#%/! \t\r"), maxsplit=1)
+        numbers = re.findall(r"\d+", sides[0])
+        strip = meaning(sides[-1]).strip
+        if len(sides) == 2 and len(numbers) == 1 and strip is not None and re.search(r"[^\W\d_]", sides[1]):
+            found[line.strip()[:_LONGEST]] = (int(numbers[0]), strip)
+    shifts = {strip - number for number, strip in found.values()}
+    if len(shifts) < 2 or len({*found.values()}) < len(found):
+        return []
+    first, second = [*found][:2]
+    return [
+        f"the log says {first!r} and {second!r}, which is not used: strips are as the columns are named; if those "
+        "names are of channels, put the strips' into them"
+    ]

@@ -35,8 +35,8 @@ _DATE = (
     r"(?:(?P<Y>\d{4})[-/.](?P<M>\d\d?)[-/.](?P<D>\d\d?)"
     r"|(?P<a>\d\d?)(?P<mark>[-/. ])(?P<b>\d\d?|[A-Za-z]{3,9}\.?)[-/. ](?P<y>\d{4}|\d\d))"
 )
-_ZONE = r"\s*(?:Z|UTC|[+-]\d\d:?\d\d)?"
-_OFFSET = re.compile(r"([+-])(\d\d):?(\d\d)\Z")
+_ZONE = r"(?:\s*(?:Z|UTC|[+-]\d\d:?\d\d)|[+-]\d\d(?![\d.,:]))?"
+_OFFSET = re.compile(r"([+-])(\d\d):?(\d\d)?\Z")
 STAMP = rf"(?:{_DATE}(?:[T_]|,? +))?{_OF_DAY}{_ZONE}"  # a date, if any, and a time of day
 _CLOCK = re.compile(rf"(?:{_DATE}[T ,_]+)?{_OF_DAY}{_ZONE}")
 _COMPACT = re.compile(r"(\d{4})(\d\d)(\d\d)[T_ -](\d\d)(\d\d)(\d\d(?:\.\d+)?)")
@@ -189,7 +189,7 @@ def clock_seconds(text: str, day_first: bool = False) -> float | None:
         return None
     of_day = hour * 3600.0 + int(found["m"]) * 60.0 + seconds
     if (zone := _OFFSET.search(text)) and (found["Y"] or found["a"]):  # of summer or winter, so it may change
-        of_day -= (1.0 if zone[1] == "+" else -1.0) * (int(zone[2]) * 3600.0 + int(zone[3]) * 60.0)
+        of_day -= (1.0 if zone[1] == "+" else -1.0) * (int(zone[2]) * 3600.0 + int(zone[3] or 0) * 60.0)
     if found["Y"]:
         days = _days(int(found["Y"]), found["M"], int(found["D"]))
     elif found["a"]:

@@ -31,7 +31,7 @@ _PAIRS = (
     ("superieure", "inferieure"), ("superiore", "inferiore"), ("arriba", "abajo"), ("sopra", "sotto"),
     ("obere", "untere"), ("oberes", "unteres"), ("boven", "onder"), ("gora", "dol"), ("horni", "dolni"),
     ("gauche", "droite"), ("izquierda", "derecha"), ("sinistra", "destra"), ("esquerda", "direita"),
-    ("anfang", "ende"), ("debut", "fin"), ("inicio", "fin"), ("inicio", "fim"),
+    ("anfang", "ende"), ("debut", "fin"), ("inicio", "fin"), ("inicio", "fim"), ("top", "bot"),
 )  # fmt: skip
 _ONE_OF_PAIR = frozenset(name for pair in _PAIRS for name in pair)
 _VOLTS = _words("v u voltage volt volts spannung tension tensione tensiune vout uout voltaje") | {

@@ -76,11 +76,8 @@ def scans(table: Table, mapping: ColumnMapping, dropped: list[int] | None = None
             f"line {table.absent} lacks a value that others have; if it is no contact, --answer missing=untouched"
         )
     table = table.where(mapping.only)
-    found = list(
-        _scans(
-            *_in_order(table, _times(table, mapping), mapping), mapping, [] if dropped is None else dropped
-        )
-    )
+    ordered, times = _in_order(table, _times(table, mapping), mapping)
+    found = list(_scans(ordered, times, mapping, [] if dropped is None else dropped, ordered is not table))
     if not found:
         raise ReadingError("the log has no readings")
     found = _from_one_clock(found, mapping)
@@ -194,19 +191,21 @@ def _in_order(
     if (
         (np.diff(times) >= 0.0).all()
         or len(runs) < 2
-        or len(runs[0]) < 2
+        or max(map(len, runs)) < 2
         or not (rising and (alike or apart))
     ):
         return table, times
     order = [n for _, _, n in sorted((times[n], place, n) for place, run in enumerate(runs) for n in run)]
     rows, lines = [table.rows[n] for n in order], [table.lines[n] for n in order]
-    return replace(table, rows=rows, lines=lines), times[order]
+    return replace(table, rows=rows, lines=lines), times[order] - times[order[0]]
 
 
 def _scans(
-    table: Table, times: FloatArray | None, mapping: ColumnMapping, dropped: list[int]
+    table: Table, times: FloatArray | None, mapping: ColumnMapping, dropped: list[int], by_time: bool = False
 ) -> Iterator[LogScan]:
     """Yield scans: a new one begins with the next number or time, or when a strip comes again.
+
+    Of lines that were put in order `by_time`, those of one time are a scan.
 
     One that lacks strips is dropped if a broken line may have been of it: what it said of them is not known.
     """
@@ -240,6 +239,8 @@ def _scans(
             new = True
         elif number is not None and scan is not None:
             new = number[n] != number[last]
+        elif by_time and times is not None and scan is not None:
+            new = bool(times[n] != times[last])
         elif twice and times is not None and times[n] == times[last] and not which:
             new = False
         elif times is not None and scan is not None and strips and not again:

@@ -16,7 +16,7 @@ import numpy as np
 
 from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.changes import in_parts
-from tacstrip.io.log_import.channel_names import with_channel_names
+from tacstrip.io.log_import.channel_names import strips_told_otherwise, with_channel_names
 from tacstrip.io.log_import.conversion import resolutions
 from tacstrip.io.log_import.delimiters import (
     of_sent,
@@ -35,8 +35,10 @@ from tacstrip.io.log_import.records import STEADY, Item, is_label, items, named_
 from tacstrip.io.log_import.sections import in_one_table
 from tacstrip.io.log_import.series import without_other_series
 from tacstrip.io.log_import.shape import in_normal_form
+from tacstrip.io.log_import.sideways import upright
 from tacstrip.io.log_import.strays import numbered, with_retries, without, without_messages
 from tacstrip.io.log_import.table import CLOCK, GARBLED, ROW, ContradictionError, Table, decimal_mark, headed
+from tacstrip.io.log_import.tags import without_other_tags
 
 _WIDE = "  "  # two spaces or more
 _SEPARATORS = (";", "\t", "|", ",", _WIDE, " ")
@@ -85,6 +87,10 @@ _MOST_NAMES = 1000
 _SHELL = re.compile(
     r"\s*(?:>>> (?!\s*[-+\d.]).*|> [A-Za-z.].*|\[\d+ rows x \d+ columns\]\s*|\(?\d+ rows?(?: in set.*|\)\s*))"
 )  # around a printed DataFrame
+_COUNT_OF_ROWS = re.compile(r"\s*\(?\d+ rows?(?:\)| in set.*)\s*")  # below what a database prints
+_QUERIED = re.compile(
+    r"\s*(?:Time: [\d.,]+ ms(?: \([\d:.]+\))?|Timing is o(?:n|ff)\.?|SET)\s*"
+)  # psql, of its own
 _R_ROW = re.compile(r"\s*\[\d+,\](?=\s)")  # before the rows of a matrix that R prints
 _REMARK_NAMES = (
     r"notes?|remarks?|comments?|labels?|events?|bemerkung(?:en)?|notizen?|kommentare?|remarques?|notas?"
@@ -106,6 +112,12 @@ _MOST_BYTES = 2**30
 _FEW_LINES = 4  # of fewer, the length of the last number tells nothing
 _FEW_BLOCKS = 2
 _ENCODINGS = ("gb18030", "big5", "shift_jis", "euc_kr", "cp1251", "koi8-r")
+# Words of central Europe whose letters are other ones in Western Europe's encoding.
+_EASTERN = re.compile(
+    r"\b(?:kana\u0142\w*|d\u00f3\u0142|napi\u0119cie|warto\u015b\u0107|\u015bcie\u017cka|\u010das|nap\u011bt\u00ed|\u0159\u00e1dek|k\u00e1b\u011bl|fesz\u00fclts\u00e9g|id\u0151"
+    r"|als\u00f3|fels\u0151|u\u0142amek|wy\u0142\u0105cz\w*|pomiar\u00f3w|pr\u00f3bka)\b",
+    re.IGNORECASE,
+)
 _WORDS_KNOWN = 2  # of those that logs have: fewer may be there by chance
 _WORDED = re.compile(
     r"[^\dA-Za-z]*[A-Za-z][^\t;|]*(?<!,)\Z|\s*([=*~<>-])\1+\s*\w[^\t;|]*\1{2,}\s*\Z"
@@ -144,6 +156,8 @@ def decoded(file: Path) -> str:
             words = {*OTHER_SCRIPT.findall(other)}
             known[other] = sum(map(len, words)) if len(words) >= _WORDS_KNOWN else 0
     best = max(known, key=lambda other: known[other], default="")
+    eastern = text.decode("cp1250", errors="replace")
+    western = eastern if _EASTERN.search(eastern) and not _EASTERN.search(western) else western
     return best if known.get(best) else western
 
 
@@ -182,9 +196,10 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
         _COLOUR.sub("", plain_rows(of_displayed_scans(without(text, strays)).translate(_HALF_WIDTH)))
     )
     text, others = without_other_series(text)
+    text, tagged = without_other_tags(text)
     bounded = "what stands behind \u00b1: no readings, passed over" if bounds > 1 else ""
-    messages = "; ".join(filter(None, [messages, others, bounded]))
-    text = with_labels(with_channel_names(_of_two_lines(of_sent(without_prefix(text)))))
+    messages = "; ".join(filter(None, [messages, others, tagged, bounded]))
+    text = with_labels(with_channel_names(upright(_of_two_lines(of_sent(without_prefix(text))))))
     if (table := of_literals(text, path) or of_dialect(text, str(path))) is not None:
         return in_normal_form(replace(table, remarks=(*filter(None, [messages]), *table.remarks)))
     # The empty lines in between tell where blocks begin.
@@ -192,6 +207,8 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     every = one_page(unwrapped([(i, line) for i, line in every if i not in strays]))
     lines = [(i, line) for i, line in every if line.strip() and not _RULE.fullmatch(line)]
     around = {i for i, line in lines if _SHELL.fullmatch(line)}
+    if any(_COUNT_OF_ROWS.fullmatch(line) for _, line in lines):
+        around |= {i for i, line in lines if _QUERIED.fullmatch(line)}
     if 2 * len(around) <= len(lines):
         typed = [f"line {i} ({line.strip()!r})" for i, line in lines if i in around and line.startswith("> ")]
         said = f"{', '.join(typed)}: typed at a prompt, passed over" if typed else ""
@@ -257,10 +274,11 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
         )
         rows = [[stamps[i], *row] for i, row in zip(table.lines, table.rows, strict=True)]
         table = replace(table, names=(name, *table.names), rows=rows, remarks=(said, *table.remarks))
+    above = [line for i, line in numbered(text) if i < min(table.lines, default=0)]
     table = replace(
         table,
         remarks=(*([messages] if messages else []), *table.remarks),
-        doubts=(*table.doubts, *doubts),
+        doubts=(*table.doubts, *doubts, *strips_told_otherwise(above)),
     )
     return in_normal_form(table)
 

@@ -62,8 +62,11 @@ def turns(values: FloatArray, times: FloatArray) -> int:
         if len(values) < _ROUNDS * many:
             break
         within = _apart(values, many)
-        near = _NEARER_IN_TURNS if _in_turns(times, many) else _NEARER
-        if np.median(across) > 0.0 and np.quantile(within, 0.8) < near * np.quantile(across, 0.2):
+        if _in_turns(times, many):
+            nearer = np.median(within) < _NEARER_IN_TURNS * np.median(across)
+        else:
+            nearer = np.quantile(within, 0.8) < _NEARER * np.quantile(across, 0.2)
+        if nearer:
             return many
     return 0
 
