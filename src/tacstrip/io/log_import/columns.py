@@ -12,6 +12,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import OptionError, ReadingError
+from tacstrip.io.log_import.changes import ask_which_part
 from tacstrip.io.log_import.fields import clock_seconds, number_of, says_nothing
 from tacstrip.io.log_import.names import (
     CHANNELS,
@@ -26,7 +27,7 @@ from tacstrip.io.log_import.names import (
 )
 from tacstrip.io.log_import.questions import ROLES, Clues
 from tacstrip.io.log_import.statements import in_blocks_said, order_said, strips_order_said, told_channels
-from tacstrip.io.log_import.table import CLOCK, ROW
+from tacstrip.io.log_import.table import CLOCK, PART, ROW
 
 _ABOVE = 0.95  # of the strips: k_h is above k_l there, and so the names are clear
 _APART = 0.004  # over the largest reading: by which k_h and k_l differ, in the median
@@ -54,6 +55,11 @@ _DERIVED = frozenset(
 _SENSORS = frozenset(
     {"pad", "hand", "finger", "board", "device", "skin", "patch", "module", "gripper", "arm", "side"}
 )
+# What names the sender of a line or message, or its kind.
+_SOURCES = frozenset(
+    {"topic", "source", "src", "sender", "node", "frame", "host", "hostname", "addr", "address", "mac", "ip", "port"}
+    | {"origin", "link", "robot", "publisher", "client", "uuid", "serial", "quelle", "knoten", "capteur", "sensor"}
+)  # fmt: skip
 _MOST_SENSORS = 12
 _LOGIC = re.compile("[LH]+")  # levels of logic inputs, as loggers write them
 _ROLE_NAMES = {"scan": "scan's number", "strip": "strip's number", "which": "channel's name"}
@@ -93,9 +99,10 @@ class Columns:
 def find_columns(clues: Clues) -> Columns:
     """Say what each column is; raises `Unanswered` where no readings can be found without an answer."""
     known = _meanings(clues)
+    ask_which_part(clues)
     _ask_for_sensor(clues, known)
     found = _find(clues, known)
-    used = {*found.readings, found.time, found.scan, found.strip, found.which, ROW}
+    used = {*found.readings, found.time, found.scan, found.strip, found.which, ROW, PART}
     if passed := [n for n in clues.table.names if n not in used]:
         clues.because(f"passed over: {', '.join(passed)}")
         _refuse_lost(clues, known, found, passed)
@@ -137,11 +144,15 @@ def _ask_for_sensor(clues: Clues, known: dict[str, Meaning]) -> None:
     numbered = any(m.role == "strip" or m.strip is not None for m in known.values())
     of = [n for n in table.names if n in named]
     keys = list(zip(*(table.column(n) for n in of), strict=True)) if of else []
+    read = [table.places[n] for n, m in known.items() if m.role == "reading"]
+    holds = [any(row[p] for p in read) for row in table.rows]  # else lines of another device, which is no choice
     for name in table.names:
         fields = table.column(name)
-        values = sorted(set(fields))
+        values = sorted({f for f, there in zip(fields, holds, strict=True) if there or not read})
+        worded = not any(number_of(v) is not None for v in values)
         if (
-            known[name].role in ("time", "scan", "strip", "position", "skip") or name in (*clues.answers, ROW, CLOCK)
+            known[name].role in ("time", "strip", "position", "skip") or (known[name].role == "scan" and not worded)
+            or name in (*clues.answers, ROW, CLOCK, PART)
             or not 1 < len(values) <= _MOST_SENSORS or not all(values) or {*values} & {*ROLES}
             or (known[name].role == "reading" and known[name].strip is not None)
         ):  # fmt: skip
@@ -150,9 +161,9 @@ def _ask_for_sensor(clues: Clues, known: dict[str, Meaning]) -> None:
         apart = (
             bool(each) and set(each.values()) == {1} and len(each) >= _ALONE * len(values) * len(set(keys))
         )
-        called = _SENSORS & set(re.findall(r"[a-z]+", name.casefold()))
-        worded = not any(number_of(v) is not None for v in values)
-        if single and numbered and (called or (apart and worded)):
+        words = set(re.findall(r"[a-z]+", name.casefold()))
+        called = _SENSORS & words or (_SOURCES & words and meaning(name).role != "strip")
+        if single and numbered and (called or (worded and (apart or _in_turns(fields)))):
             lines = [table.lines[fields.index(v)] for v in values[:2]]
             clues.ask(
                 name,
@@ -161,6 +172,12 @@ def _ask_for_sensor(clues: Clues, known: dict[str, Meaning]) -> None:
                 *values, *([] if apart else ["skip"]),
             )  # fmt: skip
             clues.stop()
+
+
+def _in_turns(fields: list[str]) -> bool:
+    """Return whether a few words come in turn, again and again, as of senders that take turns."""
+    turn = len({*fields})
+    return len(fields) > 2 * turn and all(a == b for a, b in zip(fields, fields[turn:], strict=False))
 
 
 def _meanings(clues: Clues) -> dict[str, Meaning]:
@@ -818,7 +835,7 @@ def _noise(table: FloatArray) -> float:
 
 def _unnamed(clues: Clues) -> dict[str, Meaning]:
     """Say what the columns of a table without names are, from their number and how they rise."""
-    sensor, names = clues.sensor, [n for n in clues.table.names if n not in (CLOCK, ROW)]
+    sensor, names = clues.sensor, [n for n in clues.table.names if n not in (CLOCK, ROW, PART)]
     found = {n: Meaning("") for n in clues.table.names}
     labels = [n for n in names if not n.startswith("column ")]  # of lines between blocks
     found |= {n: meaning(n) for n in labels}

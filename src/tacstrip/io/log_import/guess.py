@@ -19,10 +19,11 @@ from tacstrip.io.log_import.doubts import raise_doubts
 from tacstrip.io.log_import.fields import is_garbled
 from tacstrip.io.log_import.mapping import ColumnMapping
 from tacstrip.io.log_import.names import meaning, meanings
+from tacstrip.io.log_import.others import drop_others
 from tacstrip.io.log_import.questions import KEYS, Clues, Question, Unanswered
 from tacstrip.io.log_import.scans import LogScan, scans, strip_numbers
 from tacstrip.io.log_import.statements import base_said
-from tacstrip.io.log_import.table import Table
+from tacstrip.io.log_import.table import PART, Table
 from tacstrip.io.log_import.write import at_rest
 from tacstrip.sensor.spec import Sensor
 
@@ -104,7 +105,7 @@ def settled(table: Table, read: Callable[[Table], Read]) -> Read:
 def _open(error: Exception) -> float:
     """Return how much of a log is open; inf where it is not understood: nothing tells what its columns are."""
     if not isinstance(error, Unanswered) or any(
-        q.key not in KEYS or q.key == "readings" for q in error.questions
+        q.key not in (*KEYS, PART) or q.key == "readings" for q in error.questions
     ):
         return np.inf
     return sum(q.key != "broken_lines" for q in error.questions)
@@ -227,6 +228,7 @@ def _assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
         _ask_for_base(clues)
         raise Unanswered(*clues.questions) from None
     _drop_repeated(clues, found)
+    drop_others(clues, found)
     mapping, rough = _rough(clues, found)
     mapping = quantities.settled_time(clues, mapping, rough)
     mapping = replace(

@@ -99,8 +99,9 @@ class Clues:
 
     def _names_lines(self, name: str, answer: str) -> bool:
         """Return whether an answer is what stands in a column on the lines that are meant, as in "pad=left"."""
-        said = meaning(name).role in ("", "which") and answer not in ROLES
-        return said and answer in self.table.column(name)
+        role = meaning(name).role
+        said = role in ("", "which") or (role == "scan" and number_of(answer) is None)  # as a frame's name
+        return said and answer not in ROLES and answer in self.table.column(name)
 
     def ask(self, key: str, text: str, *choices: str) -> None:
         """Ask for what cannot be known; once for each key."""

@@ -18,6 +18,7 @@ from tacstrip.io.log_import.names import READING_UNITS, UNITS, meaning, meanings
 
 GARBLED = "\ufffd"  # for what a board wrote as it was reset
 CLOCK = "time stamp"  # the column of what a serial monitor or a logger puts before each line
+PART = "part"  # the column that tells lines above a change of what readings mean from those below it
 ROW = "line of its block"  # where blocks of as many lines follow each other
 _MOST_VOLTS = 100.0  # no Vref has more
 _TALLEST_HEADER = 5
@@ -82,6 +83,8 @@ class Table:
         What lines that are no rows say of the codes' resolution: line, bits, what it says.
     varied
         Whether records name other strips from one to the next, as where they name only touched ones.
+    changes
+        Lines among the rows that tell of a change of what readings mean, and what they say.
     lacking
         The last names, where there are more names than any line has fields: as if these were missing.
     """
@@ -102,6 +105,7 @@ class Table:
     doubts: tuple[str, ...] = ()
     varied: bool = False
     resolutions: tuple[tuple[int, int, str], ...] = ()
+    changes: tuple[tuple[int, str], ...] = ()
     lacking: tuple[str, ...] = ()
 
     def column(self, name: str) -> list[str]:

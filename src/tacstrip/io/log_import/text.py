@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from tacstrip.errors import ReadingError
+from tacstrip.io.log_import.changes import in_parts
 from tacstrip.io.log_import.conversion import resolutions
 from tacstrip.io.log_import.delimiters import (
     of_sent,
@@ -162,6 +163,7 @@ def _with_lines(table: Table, text: str) -> Table:
     there = dict(numbered(text)) if table.broken else {}
     quotes = {i: there[i].strip() for i in table.broken if i in there}
     quotes = {i: q for i, q in quotes.items() if _is_said(table.quotes.get(i, q), q)}
+    table = in_parts(table, text)
     return replace(
         table, resolutions=resolutions(text, frozenset(table.lines)), quotes={**table.quotes, **quotes}
     )

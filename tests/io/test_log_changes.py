@@ -1,0 +1,129 @@
+"""Logs in which readings change their meaning, come from several senders, or stand between another device's values."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import tacstrip as ts
+from tacstrip.io.log_import.changes import tells_of_change
+from tacstrip.io.log_import.guess import Proposal, propose
+from tacstrip.io.log_import.questions import Unanswered
+from tacstrip.io.log_import.text import of_text
+
+_SENSOR = ts.Sensor(construction="crs-crs", strips=4, pitch_mm=8.0, length_mm=60.0, vref_volt=5.0)
+_SCANS = 6
+
+
+def _high(scan: int, strip: int) -> float:
+    """v_h; the low end is 1 V below it; strips above 2 are untouched."""
+    return 2.5 + 0.1 * scan + 0.01 * strip if strip < 3 else float("nan")
+
+
+def _read(text: str, **answers: str) -> Proposal:
+    return propose(of_text(text), _SENSOR, answers)
+
+
+def _assert_scans(found: Proposal, scans: list[int]) -> None:
+    truth = np.array([[[_high(n, s), _high(n, s) - 1.0] for s in range(4)] for n in scans])
+    assert np.stack([scan.values for scan in found.scans]) == pytest.approx(truth, abs=2e-3, nan_ok=True)
+
+
+def _field(value: float) -> str:
+    return "" if np.isnan(value) else f"{value:.3f}"
+
+
+def _with_note(note: str, above: int = 3, long: bool = True) -> str:
+    lines = ["t_s,strip,v_h,v_l"] if long else ["t_s," + ",".join(f"h{s},l{s}" for s in range(4))]
+    for scan in range(_SCANS):
+        lines += [note] if scan == above else []
+        both = [[_field(_high(scan, s)), _field(_high(scan, s) - 1.0)] for s in range(4)]
+        if long:
+            lines += [f"{scan / 10:.1f},{s},{h},{v}" for s, (h, v) in enumerate(both)]
+        else:
+            lines.append(f"{scan / 10:.1f}," + ",".join(f"{h},{v}" for h, v in both))
+    return "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize("long", [True, False])
+@pytest.mark.parametrize(
+    "note",
+    [
+        "changed the sketch: prints ratios now",
+        "# reflashed, now in mV",
+        "// from here on through the divider",
+        "switched to another sensor pad",
+        "ab hier mit Verst\u00e4rkung",
+        "Stecker von Streifen vertauscht",
+        "maintenant en millivolts",
+        "cambiado el orden de las tiras",
+        "trocados os fios das fitas",
+        "scambiati i connettori delle strisce",
+    ],
+)
+def test_a_note_that_readings_change_their_meaning_is_asked(note: str, long: bool) -> None:
+    text = _with_note(note, long=long)
+    with pytest.raises(Unanswered) as asked:
+        _read(text)
+    question = next(q for q in asked.value.questions if q.key == "part")
+    assert note.strip("#/ ") in question.text
+    above, below, both = question.choices
+    scaled = {"scale": "1"} if "scale" in {q.key for q in asked.value.questions} else {}
+    _assert_scans(_read(text, part=above, **scaled), [0, 1, 2])
+    _assert_scans(_read(text, part=below, **scaled), [3, 4, 5])
+    _assert_scans(_read(text, part=both, **scaled), [*range(_SCANS)])
+
+
+@pytest.mark.parametrize(
+    "note", ["changed the object: a ball", "# now pressing harder", "battery replaced", "neuer Versuch", "ok"]
+)
+def test_other_notes_ask_nothing(note: str) -> None:
+    assert not tells_of_change(note)
+    _assert_scans(_read(_with_note(note)), [*range(_SCANS)])
+
+
+def _messages(key: str, names: list[str], force: bool = False) -> str:
+    made = []
+    for scan in range(_SCANS):
+        both = [[None if np.isnan(v := _high(scan, s) - d) else round(v, 3) for s in range(4)] for d in (0.0, 1.0)]
+        if force:
+            made.append({"t_s": scan / 10, key: names[1], "force": [0.1, 9.8]})
+        name = names[0] if force else names[scan % len(names)]
+        made.append({"t_s": scan / 10, key: name, "high": both[0], "low": both[1]})
+    return "\n".join(map(json.dumps, made)) + "\n"
+
+
+@pytest.mark.parametrize("key", ["frame_id", "topic", "source", "node", "who"])
+def test_readings_of_two_senders_are_asked_and_each_answer_leads_to_one(key: str) -> None:
+    text = _messages(key, ["left", "right_one"])
+    with pytest.raises(Unanswered) as asked:
+        _read(text)
+    question = next(q for q in asked.value.questions if q.key == key)
+    assert {"left", "right_one"} <= {*question.choices}
+    _assert_scans(_read(text, **{key: "right_one"}), [1, 3, 5])
+
+
+def test_messages_of_another_sensor_are_no_scans() -> None:
+    found = _read(_messages("frame_id", ["skin", "wrist"], force=True), missing="untouched")
+    _assert_scans(found, [*range(_SCANS)])
+    assert [scan.time_s for scan in found.scans] == pytest.approx([n / 10 for n in range(_SCANS)])
+
+
+@pytest.mark.parametrize("nothing", ["-1", "open", "nan"])
+@pytest.mark.parametrize("before", [True, False])
+def test_rows_of_another_device_in_a_merged_table_are_no_scans(nothing: str, before: bool) -> None:
+    lines = ["time," + "imu_x," * before + ",".join(f"h{s} [V],l{s} [V]" for s in range(4)) + ",temp" * (not before)]
+    for scan in range(_SCANS):
+        lines.append(f"{scan / 10:.2f}," + "0.1," * before + "," * 7 + ",21.5" * (not before))
+        fields = [_field(v) or nothing for s in range(4) for v in (_high(scan, s), _high(scan, s) - 1.0)]
+        lines.append(f"{scan / 10 + 0.05:.2f}," + "," * before + ",".join(fields) + "," * (not before))
+    found = _read("\n".join(lines) + "\n")
+    _assert_scans(found, [*range(_SCANS)])
+    assert any("nothing of a strip" in reason for reason in found.reasons)
+
+
+def test_an_empty_scan_stays_where_untouched_strips_are_empty() -> None:
+    text = _with_note("", long=False).replace("0.3,2.8", "0.25,,,,,,,,\n0.3,2.8")
+    assert len(_read(text).scans) == _SCANS + 1
