@@ -13,7 +13,7 @@ from tacstrip.io.log_import.table import PART, Table
 
 # That something changes, or holds from there on.
 _CHANGED = re.compile(
-    r"\b(?:chang(?:e[sd]?|ing)|switch(?:ed|ing)?|swapp?(?:ed|ing)?|exchanged?|interchanged?|replac(?:ed|ing)|re-?(?:flashed"
+    r"\b(?:chang(?:ed|ing|es? (?:to|of))|switch(?:ed|ing)?|swapp?(?:ed|ing)?|exchanged?|interchanged?|replac(?:ed|ing)|re-?(?:flashed"
     r"|wired|calibrated|scaled|ordered|numbered|plugged|soldered|routed|programmed|configured)|rotated|reversed|inverted"
     r"|flipped|updated|upgraded|new|from (?:here|now|this)|as of (?:here|now)|now|instead|other|another|different|moved to"
     r"|ab (?:hier|jetzt|nun|zeile)|von hier|jetzt|nun|ge\u00e4ndert|umge(?:stellt|steckt|baut|l\u00f6tet)|(?:ver)?ge?tauscht"

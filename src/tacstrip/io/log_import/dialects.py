@@ -253,6 +253,28 @@ def _octave(text: str, path: str) -> Table | None:
 # YAML
 
 
+def yaml_documents(text: str) -> tuple[list[tuple[int, Any]], list[tuple[int, str]]]:
+    """Return the documents of a text in YAML with their lines, and its comments; nothing where it is none."""
+    comments = [(i, line.strip()) for i, line in enumerate(text.splitlines(), 1) if re.search(r"(?:\A|\s)#\s", line)]
+    documents: list[tuple[int, list[str]]] = [(0, [])]
+    for i, line in enumerate(text.splitlines(), 1):
+        plain = re.sub(r"(?:\A|\s+)#\s.*", "", line).rstrip()
+        if plain in ("---", "...") or re.fullmatch(r"\s.*\w---", plain):  # as behind a message that ROS lost
+            documents.append((0, []))
+        elif plain and (plain.startswith("\t") or not (":" in plain or plain.lstrip().startswith("-"))):
+            comments.append((i, plain.strip()))  # no line of YAML
+        elif plain:
+            first, doc = documents[-1]
+            documents[-1] = (first or i, [*doc, plain])
+    every = [line for _, doc in documents for line in doc]
+    if not (all(map(_ITEM.fullmatch, every)) and any(re.fullmatch(r"\s*(?:- )?[\w.\"' -]+:", line) for line in every)):
+        return [], []
+    try:
+        return [(i, _block(doc)[0]) for i, doc in documents if doc], comments
+    except (ValueError, RecursionError):
+        return [], []
+
+
 def _yaml(text: str, path: str) -> Table | None:
     numbered = [
         (i, line.rstrip())

@@ -24,18 +24,20 @@ from tacstrip.io.log_import.delimiters import (
     without_prefix,
     without_tag,
 )
-from tacstrip.io.log_import.dialects import of_dialect, of_displayed_scans, plain_rows
-from tacstrip.io.log_import.fields import STAMP, clock_seconds, is_value, number_of, says_nothing
+from tacstrip.io.log_import.dialects import of_dialect, of_displayed_scans, plain_rows, yaml_documents
+from tacstrip.io.log_import.fields import STAMP, clock_seconds, is_prose, is_value, number_of, says_nothing
 from tacstrip.io.log_import.groups import of_groups
 from tacstrip.io.log_import.labels import with_labels
 from tacstrip.io.log_import.literals import one_page, unwrapped
 from tacstrip.io.log_import.names import OTHER_SCRIPT, meaning, meanings, pair_of
+from tacstrip.io.log_import.nested import documents
 from tacstrip.io.log_import.records import STEADY, Item, is_label, items, named_values, of_literals
 from tacstrip.io.log_import.sections import in_one_table
 from tacstrip.io.log_import.series import without_other_series
 from tacstrip.io.log_import.shape import in_normal_form
 from tacstrip.io.log_import.strays import numbered, with_retries, without, without_messages
 from tacstrip.io.log_import.table import CLOCK, GARBLED, ROW, ContradictionError, Table, decimal_mark, headed
+from tacstrip.io.log_import.tree import of_tree
 
 _WIDE = "  "  # two spaces or more
 _SEPARATORS = (";", "\t", "|", ",", _WIDE, " ")
@@ -183,6 +185,8 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     text, others = without_other_series(text)
     bounded = "what stands behind \u00b1: no readings, passed over" if bounds > 1 else ""
     messages = "; ".join(filter(None, [messages, others, bounded]))
+    if (nested := _of_nested(text)) is not None:
+        return in_normal_form(replace(nested, remarks=(*filter(None, [messages]), *nested.remarks)))
     text = with_labels(_of_two_lines(of_sent(without_prefix(text))))
     if (table := of_literals(text, path) or of_dialect(text, str(path))) is not None:
         return in_normal_form(replace(table, remarks=(*filter(None, [messages]), *table.remarks)))
@@ -262,6 +266,17 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
         doubts=(*table.doubts, *doubts),
     )
     return in_normal_form(table)
+
+
+def _of_nested(text: str) -> Table | None:
+    """Return a text of nested records as a table; None where it is none, or holds lines of another form beside them."""
+    found, around = documents(text)
+    if not found:
+        found, around = yaml_documents(text)
+    odd = [line for _, line in around if re.search(r"\d", line) and not line.lstrip().startswith(_COMMENT)]
+    if not found or (len(found) > 1 and len(odd) >= len(found)) or any(not is_prose(line) for line in odd):
+        return None
+    return of_tree(found, [line for _, line in around], "nested records: a line per strip")
 
 
 def _of_two_lines(text: str) -> str:
