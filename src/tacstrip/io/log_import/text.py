@@ -32,6 +32,7 @@ from tacstrip.io.log_import.literals import one_page, unwrapped
 from tacstrip.io.log_import.names import OTHER_SCRIPT, meaning, meanings, pair_of
 from tacstrip.io.log_import.nested import documents
 from tacstrip.io.log_import.records import STEADY, Item, is_label, items, named_values, of_literals
+from tacstrip.io.log_import.runs import of_runs
 from tacstrip.io.log_import.sections import in_one_table
 from tacstrip.io.log_import.series import without_other_series
 from tacstrip.io.log_import.shape import in_normal_form
@@ -187,6 +188,9 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     messages = "; ".join(filter(None, [messages, others, bounded]))
     if (nested := _of_nested(text)) is not None:
         return in_normal_form(replace(nested, remarks=(*filter(None, [messages]), *nested.remarks)))
+    if (labelled := of_runs(text)) is not None:
+        labelled = replace(labelled, remarks=(*filter(None, [messages]), *labelled.remarks))
+        return in_normal_form(_without_cut_end(labelled, text))
     text = with_labels(_of_two_lines(of_sent(without_prefix(text))))
     if (table := of_literals(text, path) or of_dialect(text, str(path))) is not None:
         return in_normal_form(replace(table, remarks=(*filter(None, [messages]), *table.remarks)))
