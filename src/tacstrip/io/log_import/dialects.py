@@ -30,8 +30,9 @@ _ASSIGNED = re.compile(r"([A-Za-z_][\w.]*)\s*=\s*(\[[^\]]*\]|[^;\n\[]+)\s*'?\s*;
 _RANGE = re.compile(r"\(?([^:()]+):([^:()]+)(?::([^:()]+))?\)?(?:\s*\.?([*/])\s*(.+))?")
 _PRINTED = re.compile(r"\s*\[(\d+)\]\s+(.*)")  # R's print of a vector
 _NAMED = re.compile(r"(?:\$|>\s*(?:print\()?)\s*([A-Za-z][\w.$]*)\)?\s*")
+_WITHIN = r"(?:[^()]|\((?:[^()]|\([^()]*\))*\))*"  # brackets in brackets, as of a CHECK
 _CREATED = re.compile(
-    r"CREATE\s+TABLE\s+(?:IF\s+NOT\s+EXISTS\s+)?([^\s(]+)\s*\(((?:[^()]|\([^()]*\))*)\)", re.IGNORECASE
+    rf"CREATE\s+TABLE\s+(?:IF\s+NOT\s+EXISTS\s+)?([^\s(]+)\s*\(({_WITHIN})\)", re.IGNORECASE
 )
 _INSERTED = re.compile(
     r"INSERT\s+INTO\s+(\S+?)\s+VALUES\s*((?:\((?:'[^']*'|[^()'])*\)[,\s]*)+);", re.IGNORECASE
@@ -133,7 +134,7 @@ def _dumped(text: str) -> list[list[str]]:
     names = {
         table.strip(quotes): [
             column.split()[0].strip(quotes)
-            for column in re.split(r",(?![^()]*\))", inner)
+            for column in _columns_of(inner)
             if column.split() and not _CONSTRAINT.match(column)
         ]
         for table, inner in _CREATED.findall(text)
@@ -150,6 +151,26 @@ def _dumped(text: str) -> list[list[str]]:
     if not found.get(longest) or not names.get(longest):
         return []
     return [names[longest], *found[longest]]
+
+
+def _columns_of(inner: str) -> list[str]:
+    """Return the columns that a table is created with, without remarks.
+
+    Examples
+    --------
+    >>> _columns_of("t INTEGER, -- millis(), of the board\\n e TEXT CHECK(e IN ('HI','LO')), v REAL")
+    ['t INTEGER', "e TEXT CHECK(e IN ('HI','LO'))", 'v REAL']
+    """
+    plain = re.sub(r"--[^\n]*|/\*.*?\*/", "", inner)
+    parts = [""]
+    depth = 0
+    for c in plain:
+        depth += (c == "(") - (c == ")")
+        if c == "," and not depth:
+            parts.append("")
+        else:
+            parts[-1] += c
+    return [" ".join(part.split()) for part in parts]
 
 
 def _lines(text: str) -> list[tuple[int, str]]:

@@ -38,6 +38,7 @@ from tacstrip.io.log_import.series import without_other_series
 from tacstrip.io.log_import.shape import in_normal_form
 from tacstrip.io.log_import.strays import numbered, with_retries, without, without_messages
 from tacstrip.io.log_import.table import CLOCK, GARBLED, ROW, ContradictionError, Table, decimal_mark, headed
+from tacstrip.io.log_import.thousands import without_thousands
 from tacstrip.io.log_import.tree import of_tree
 
 _WIDE = "  "  # two spaces or more
@@ -179,7 +180,7 @@ def _is_said(quote: str, line: str) -> bool:
 
 def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     """Return a text as a table in normal form, as if some of its lines were not there."""
-    text, bounds = _BOUND.subn(r"\1", _THOUSANDS.sub("", text))
+    text, bounds = _BOUND.subn(r"\1", without_thousands(_THOUSANDS.sub("", text)))
     text, messages = without_messages(
         _COLOUR.sub("", plain_rows(of_displayed_scans(without(text, strays)).translate(_HALF_WIDTH)))
     )
