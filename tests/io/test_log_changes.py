@@ -87,7 +87,9 @@ def test_other_notes_ask_nothing(note: str) -> None:
 def _messages(key: str, names: list[str], force: bool = False) -> str:
     made = []
     for scan in range(_SCANS):
-        both = [[None if np.isnan(v := _high(scan, s) - d) else round(v, 3) for s in range(4)] for d in (0.0, 1.0)]
+        both = [
+            [None if np.isnan(v := _high(scan, s) - d) else round(v, 3) for s in range(4)] for d in (0.0, 1.0)
+        ]
         if force:
             made.append({"t_s": scan / 10, key: names[1], "force": [0.1, 9.8]})
         name = names[0] if force else names[scan % len(names)]
@@ -114,7 +116,12 @@ def test_messages_of_another_sensor_are_no_scans() -> None:
 @pytest.mark.parametrize("nothing", ["-1", "open", "nan"])
 @pytest.mark.parametrize("before", [True, False])
 def test_rows_of_another_device_in_a_merged_table_are_no_scans(nothing: str, before: bool) -> None:
-    lines = ["time," + "imu_x," * before + ",".join(f"h{s} [V],l{s} [V]" for s in range(4)) + ",temp" * (not before)]
+    lines = [
+        "time,"
+        + "imu_x," * before
+        + ",".join(f"h{s} [V],l{s} [V]" for s in range(4))
+        + ",temp" * (not before)
+    ]
     for scan in range(_SCANS):
         lines.append(f"{scan / 10:.2f}," + "0.1," * before + "," * 7 + ",21.5" * (not before))
         fields = [_field(v) or nothing for s in range(4) for v in (_high(scan, s), _high(scan, s) - 1.0)]

@@ -55,7 +55,8 @@ def _assert_read(text: str, scale: float = 1.0) -> Proposal:
 
 def _strips(scan: int, make: Callable[[int, float | None, float | None], Any]) -> list[Any]:
     return [
-        make(s, _high(scan, s), _low(scan, s)) if _touched(scan, s) else make(s, None, None) for s in range(_STRIPS)
+        make(s, _high(scan, s), _low(scan, s)) if _touched(scan, s) else make(s, None, None)
+        for s in range(_STRIPS)
     ]
 
 
@@ -64,11 +65,16 @@ def _as_list(scan: int) -> Any:
 
 
 def _with_flags(scan: int) -> Any:
-    return _strips(scan, lambda s, h, v: {"n": s, "touched": h is not None, "ends": {"high": h or 0.02, "low": v or 0.01}})
+    return _strips(
+        scan,
+        lambda s, h, v: {"n": s, "touched": h is not None, "ends": {"high": h or 0.02, "low": v or 0.01}},
+    )
 
 
 def _by_name(scan: int) -> Any:
-    rows = _strips(scan, lambda s, h, v: (f"strip_{s}", {"contact": False} if h is None else {"v_h": h, "v_l": v}))
+    rows = _strips(
+        scan, lambda s, h, v: (f"strip_{s}", {"contact": False} if h is None else {"v_h": h, "v_l": v})
+    )
     return dict(rows)
 
 
@@ -107,7 +113,9 @@ def test_records_in_any_form_of_text(strips: Callable[[int], Any], write: str, t
     _assert_read(text + "\n")
 
 
-@pytest.mark.parametrize("other", [{"volts": 7.2, "percent": 61}, {"imu": {"ax": 0.1, "ay": 0.2}}, {"force": [1, 2, 3]}, {}])
+@pytest.mark.parametrize(
+    "other", [{"volts": 7.2, "percent": 61}, {"imu": {"ax": 0.1, "ay": 0.2}}, {"force": [1, 2, 3]}, {}]
+)
 @pytest.mark.parametrize("key", ["type", "kind", "topic", "msg"])
 def test_messages_of_another_kind_are_no_scans(key: str, other: dict[str, Any]) -> None:
     lines = []
@@ -139,8 +147,14 @@ def _protobuf(short: bool) -> str:
         text += f"scan {{\n  stamp {{ seconds: 77 nanos: {50_000_000 * n} }}\n"
         for s in range(_STRIPS):
             held = f"high: {_high(n, s)} low: {_low(n, s)}" if _touched(n, s) else "state: OPEN"
-            text += f"  reading {{ strip: {s} {held} }}\n" if short else (
-                f"  reading {{\n    strip: {s}\n    " + "\n    ".join(held.replace(" low", "\nlow").split("\n")) + "\n  }\n"
+            text += (
+                f"  reading {{ strip: {s} {held} }}\n"
+                if short
+                else (
+                    f"  reading {{\n    strip: {s}\n    "
+                    + "\n    ".join(held.replace(" low", "\nlow").split("\n"))
+                    + "\n  }\n"
+                )
             )
         text += "}\n"
     return text
@@ -150,8 +164,10 @@ def _yaml(documents: bool) -> str:
     text = "" if documents else "bediener: Dana\nversorgung: 5.0 V\nmessungen:\n"
     for n in range(_SCANS):
         before = "" if documents else "    "
-        text += f"---\nzeit_ms: {50 * n}\nstreifen:   # [oben, unten] in Volt\n" if documents else (
-            f"  - zeit_ms: {50 * n}\n    streifen:   # [oben, unten] in Volt\n"
+        text += (
+            f"---\nzeit_ms: {50 * n}\nstreifen:   # [oben, unten] in Volt\n"
+            if documents
+            else (f"  - zeit_ms: {50 * n}\n    streifen:   # [oben, unten] in Volt\n")
         )
         for s in range(_STRIPS):
             text += f"{before}  {s}: " + (f"[{_high(n, s)}, {_low(n, s)}]\n" if _touched(n, s) else "offen\n")
@@ -159,7 +175,9 @@ def _yaml(documents: bool) -> str:
     return text
 
 
-@pytest.mark.parametrize("text", [_xml(True), _xml(False), _protobuf(True), _protobuf(False), _yaml(True), _yaml(False)])
+@pytest.mark.parametrize(
+    "text", [_xml(True), _xml(False), _protobuf(True), _protobuf(False), _yaml(True), _yaml(False)]
+)
 def test_other_forms_of_records(text: str) -> None:
     _assert_read(text)
 
@@ -188,14 +206,19 @@ def _not_silent(text: str) -> None:
 
 
 def test_two_senders_are_asked() -> None:
-    lines = [json.dumps({"t_s": 0.05 * n, "frame": f"pad_{'ab'[n % 2]}", "strips": _as_list(n)}) for n in range(_SCANS)]
+    lines = [
+        json.dumps({"t_s": 0.05 * n, "frame": f"pad_{'ab'[n % 2]}", "strips": _as_list(n)})
+        for n in range(_SCANS)
+    ]
     with pytest.raises(Unanswered) as asked:
         _read("\n".join(lines))
     assert "frame" in {q.key for q in asked.value.questions}
 
 
 def test_two_sets_of_readings_in_one_record_are_no_guess() -> None:
-    lines = [json.dumps({"t_s": 0.05 * n, "raw": _as_list(n), "filtered": _as_list(n)}) for n in range(_SCANS)]
+    lines = [
+        json.dumps({"t_s": 0.05 * n, "raw": _as_list(n), "filtered": _as_list(n)}) for n in range(_SCANS)
+    ]
     _not_silent("\n".join(lines))
 
 
@@ -203,7 +226,7 @@ def test_a_unit_that_changes_holds_for_its_records() -> None:
     lines = []
     for n in range(_SCANS):
         k, unit = (1000.0, "mV") if n > 3 else (1.0, "V")
-        strips = _strips(n, lambda s, h, v, k=k: {"id": s, "hi": h and k * h, "lo": v and k * v})
+        strips = [{c: v and (v if c == "id" else k * v) for c, v in row.items()} for row in _as_list(n)]
         lines.append(json.dumps({"t_s": 0.05 * n, "unit": unit, "strips": strips}))
     _assert_read("\n".join(lines))
 

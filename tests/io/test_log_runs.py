@@ -17,7 +17,10 @@ _SENSOR = ts.Sensor(
 )
 _VALUES = np.array(
     [
-        [[612 + 7 * n + 13 * s, 401 + 5 * n - 9 * s] if abs(s - n / 2) < 1.6 and n != 3 else [np.nan] * 2 for s in range(4)]
+        [
+            [612 + 7 * n + 13 * s, 401 + 5 * n - 9 * s] if abs(s - n / 2) < 1.6 and n != 3 else [np.nan] * 2
+            for s in range(4)
+        ]
         for n in range(_SCANS)
     ]
 )
@@ -25,8 +28,17 @@ _PAIRS = [
     ("P{s}:{h}/{l}", " ", "xx"), ("S{s}[{h}|{l}]", " ", "--"), ("{s}: {h},{l}", "; ", "free"),
     ("ch{s}={h},{l}", " | ", "...."), ("T{s} {h}/{l}", ", ", "open"), ("#{s} ({h} {l})", " ", "n/a"),
 ]  # fmt: skip
-_HEADS = ["t={ms} ms ", "Scan #{n} @ {ms}ms: ", "Frame {n} (t+{s:.2f} s): ", "I ({ms}) SKIN: ", "[12:00:{s:06.3f}] "]
-_STRAYS = ["freeRam=5120", "servo moved to 35 deg", "batt 3.71V 62%", "wifi: rssi -71 dBm", "> start", "Traceback (most recent call last):"]  # fmt: skip
+_HEADS = [
+    "t={ms} ms ",
+    "Scan #{n} @ {ms}ms: ",
+    "Frame {n} (t+{s:.2f} s): ",
+    "I ({ms}) SKIN: ",
+    "[12:00:{s:06.3f}] ",
+]
+_STRAYS = [
+    "freeRam=5120", "servo moved to 35 deg", "batt 3.71V 62%", "wifi: rssi -71 dBm", "> start",
+    "Traceback (most recent call last):",
+]  # fmt: skip
 
 
 def _line(scan: int, pair: str, between: str, nothing: str, head: str) -> str:
@@ -60,13 +72,18 @@ def test_labelled_pairs_among_strays(pair: str, between: str, nothing: str, head
 def test_one_stray_loses_no_scan(stray: str) -> None:
     lines = [_line(n, "S{s}[{h}|{l}]", " ", "--", "t={ms} ms ") for n in range(_SCANS)]
     for at in (1, 3, _SCANS):
-        _assert_read(_read("\n".join(["10 bit", *lines[:at], stray, *lines[at:]]) + "\n", unit="code"), [*range(_SCANS)])
+        _assert_read(
+            _read("\n".join(["10 bit", *lines[:at], stray, *lines[at:]]) + "\n", unit="code"),
+            [*range(_SCANS)],
+        )
 
 
 def test_the_payload_of_a_capture_is_read_beside_its_columns() -> None:
     lines = ["No.\tTime\tSource\tLength\tInfo"]
     for n in range(_SCANS):
-        lines.append(f"{2 * n + 1}\t{0.05 * n:.6f}\t10.0.0.7\t{80 + n}\t" + _line(n, "{s}={h},{l}", " ", "-", "adc "))
+        lines.append(
+            f"{2 * n + 1}\t{0.05 * n:.6f}\t10.0.0.7\t{80 + n}\t" + _line(n, "{s}={h},{l}", " ", "-", "adc ")
+        )
         lines += [f"{2 * n + 2}\t{0.05 * n + 0.01:.6f}\t10.0.0.1\t60\tARP who-has 10.0.0.7"] if n == 2 else []
     _assert_read(_read("\n".join(lines) + "\n", unit="code"), [*range(_SCANS)])
 
@@ -88,7 +105,10 @@ def test_a_line_that_is_cut_is_asked_or_named(cut: int) -> None:
 
 
 def test_two_senders_in_the_lines_heads_are_asked() -> None:
-    lines = [_line(n, "S{s}[{h}|{l}]", " ", "--", f"{('left', 'right')[n % 2]} t={{ms}} ms ") for n in range(_SCANS)]
+    lines = [
+        _line(n, "S{s}[{h}|{l}]", " ", "--", f"{('left', 'right')[n % 2]} t={{ms}} ms ")
+        for n in range(_SCANS)
+    ]
     with pytest.raises(Unanswered) as asked:
         _read("\n".join(lines) + "\n", unit="code")
     question = next(q for q in asked.value.questions if q.key == "source")

@@ -154,11 +154,11 @@ def _dumped(text: str) -> list[list[str]]:
 
 
 def _columns_of(inner: str) -> list[str]:
-    """Return the columns that a table is created with, without remarks.
+    r"""Return the columns that a table is created with, without remarks.
 
     Examples
     --------
-    >>> _columns_of("t INTEGER, -- millis(), of the board\\n e TEXT CHECK(e IN ('HI','LO')), v REAL")
+    >>> _columns_of("t INTEGER, -- millis(), of the board\n e TEXT CHECK(e IN ('HI','LO')), v REAL")
     ['t INTEGER', "e TEXT CHECK(e IN ('HI','LO'))", 'v REAL']
     """
     plain = re.sub(r"--[^\n]*|/\*.*?\*/", "", inner)

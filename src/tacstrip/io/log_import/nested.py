@@ -1,11 +1,11 @@
-"""What nested text holds, whatever writes it: XML, protobuf's text, YAML, JSON or Python's records over several lines."""
+"""What nested text holds, whatever writes it: XML, protobuf's text, JSON or Python's records over several lines."""
 
 from __future__ import annotations
 
 import json
 import re
 from typing import Any
-from xml.etree import ElementTree as Xml
+from xml.etree import ElementTree as ET
 
 from tacstrip.io.log_import.literals import literal
 
@@ -21,7 +21,7 @@ _QUOTED = re.compile(r"\"(?:[^\"\\]|\\.)*\"|'(?:[^'\\]|\\.)*'")
 
 
 def documents(text: str) -> tuple[Documents, list[tuple[int, str]]]:
-    """Return the values that a text holds with their lines, and the lines around them; nothing where it is not nested.
+    r"""Return the values that a text holds with their lines, and the lines around them; nothing where it is not nested.
 
     Examples
     --------
@@ -46,18 +46,20 @@ def _of_xml(text: str) -> tuple[Documents, list[tuple[int, str]]]:
     if re.search(r"<!(?:DOCTYPE|ENTITY)|<tr\b|<html", text, re.IGNORECASE):
         return [], []
     try:
-        root = Xml.fromstring(text.strip())  # noqa: S314, without entities
-    except (Xml.ParseError, ValueError, RecursionError):
+        root = ET.fromstring(text.strip())
+    except (ET.ParseError, ValueError, RecursionError):
         try:
-            root = Xml.fromstring(f"<log>{re.sub(r'<[?].*?[?]>', '', text)}</log>")  # noqa: S314
-        except (Xml.ParseError, ValueError, RecursionError):
+            root = ET.fromstring(f"<log>{re.sub(r'<[?].*?[?]>', '', text)}</log>")
+        except (ET.ParseError, ValueError, RecursionError):
             return [], []
     value = _of_element(root)
     remarks = [" ".join(said.split()) for said in re.findall(r"<!--(.*?)-->", text, re.DOTALL)]
-    return ([(1, _unlisted(value))] if isinstance(value, dict) else []), [(1, f"# {said}") for said in remarks]
+    return ([(1, _unlisted(value))] if isinstance(value, dict) else []), [
+        (1, f"# {said}") for said in remarks
+    ]
 
 
-def _of_element(element: Xml.Element) -> Any:
+def _of_element(element: ET.Element) -> Any:
     """Return an element as its text, or as a record of its attributes and of lists of its inner elements."""
     said = (element.text or "").strip()
     if not element.attrib and not len(element):

@@ -28,14 +28,20 @@ def drop_others(clues: Clues, found: Columns) -> None:
     readings = [table.places[n] for n in found.readings]
     filled = [[row[p] for p in readings] for row, empty in zip(table.rows, void, strict=True) if not empty]
     written = all(all(row) for row in filled)  # so no contact is said in each field, or there is none
-    said = written and any(says_nothing(f) or (number_of(f, table.decimal) or 0.0) < 0.0 for row in filled for f in row)
+    said = written and any(
+        says_nothing(f) or (number_of(f, table.decimal) or 0.0) < 0.0 for row in filled for f in row
+    )
     others = [
         table.places[n] for n in table.names if n not in own | keys
         and not any(row[table.places[n]] for row, empty in zip(table.rows, void, strict=True) if not empty)
         and any(number_of(row[table.places[n]], table.decimal) is not None for row in table.rows)
     ]  # fmt: skip
     alien = [empty and any(row[p] for p in others) for row, empty in zip(table.rows, void, strict=True)]
-    out = [n for n, empty in enumerate(void) if alien[n] or (said and empty and table.lines[n] not in table.empty)]
+    out = [
+        n
+        for n, empty in enumerate(void)
+        if alien[n] or (said and empty and table.lines[n] not in table.empty)
+    ]
     if not out:
         return
     lines = ", ".join(str(table.lines[n]) for n in out[:_SHOWN]) + (", ..." if len(out) > _SHOWN else "")
@@ -44,7 +50,13 @@ def drop_others(clues: Clues, found: Columns) -> None:
         names = ", ".join(n for n in table.names if table.places[n] in others)
         clues.because(f"line(s) {lines}: only {names}, nothing of a strip; passed over")
     else:
-        why = "they hold another device's values" if others_only else "no contact is written otherwise on the other lines"
-        clues.doubt(f"{len(out)} line(s) without a field of a strip are no scans, for {why}; left out: line(s) {lines}")
+        why = (
+            "they hold another device's values"
+            if others_only
+            else "no contact is written otherwise on the other lines"
+        )
+        clues.doubt(
+            f"{len(out)} line(s) without a field of a strip are no scans, for {why}; left out: line(s) {lines}"
+        )
     kept = [n for n in range(len(table.rows)) if n not in {*out}]
     clues.table = replace(table, rows=[table.rows[n] for n in kept], lines=[table.lines[n] for n in kept])

@@ -1,4 +1,4 @@
-"""Lines with a pair of values for each strip behind its label, such as "t=5 P0:512/300 P1:xx/xx", whatever else is printed."""
+"""Lines with a pair of values for each strip behind its label, as "t=5 P0:512/300 P1:xx/xx", among others."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ from tacstrip.io.log_import.names import READING_UNITS, UNITS, meaning
 from tacstrip.io.log_import.statements import order_said
 from tacstrip.io.log_import.table import Table
 
-_LABEL = re.compile(r"(?<![\w.])(?P<word>[A-Za-z]{0,8})[ _-]?#?(?P<strip>\d{1,3})(?P<sign>\s*[:=\[({<]|(?=\s))")
+_LABEL = re.compile(
+    r"(?<![\w.])(?P<word>[A-Za-z]{0,8})[ _-]?#?(?P<strip>\d{1,3})(?P<sign>\s*[:=\[({<]|(?=\s))"
+)
 _BARE = re.compile(r"(?<![\w.:])(?P<word>)#?(?P<strip>\d{1,3})(?P<sign>\s*[:=\[({<])")
 _NUMBER = r"[-+]?(?:0[xX][\dA-Fa-f]+|\d+(?:\.\d+)?)"
 _VOID = r"[A-Za-z][A-Za-z ./]{0,13}|[-.*_xX?~]{1,9}"
@@ -85,7 +87,9 @@ def of_runs(text: str) -> Table | None:
     titles = _names(above, best[first], dict(every)[first])
     names, kept = _of_fields(titles, [line.fields for line in best.values()])
     said = {mark for line in best.values() for mark in line.marks} or {
-        unit for w in re.findall(r"[^\W\d_]+", f"{form[0]} {form[1]}") if (unit := UNITS.get(w.casefold(), "")) in READING_UNITS
+        unit
+        for w in re.findall(r"[^\W\d_]+", f"{form[0]} {form[1]}")
+        if (unit := UNITS.get(w.casefold(), "")) in READING_UNITS
     }
     unit = f" [{said.pop()}]" if len(said) == 1 else ""
     counted = not any(meaning(name).role in ("time", "scan") for name in names)
@@ -93,7 +97,11 @@ def of_runs(text: str) -> Table | None:
     several = sum(many >= _FEW for many in senders.values()) > 1  # as "left 0:5/4" and "right 0:5/4"
     rows, lines = [], []
     for count, (n, line) in enumerate(best.items()):
-        before = [*[str(count)] * counted, *[_LEVEL.sub("", line.form)] * several, *(line.fields[place][1] for place in kept)]
+        before = [
+            *[str(count)] * counted,
+            *[_LEVEL.sub("", line.form)] * several,
+            *(line.fields[place][1] for place in kept),
+        ]
         for strip, pair in line.pairs.items():
             rows.append([*before, strip, *pair])
             lines.append(n)
@@ -105,19 +113,24 @@ def of_runs(text: str) -> Table | None:
     ends = [f"{end}{unit}" for end in order or "ab"]
     texts = dict(every)
     return Table(
-        (*["scan"] * counted, *["source"] * several, *names, "strip", *ends), rows, lines, ".", True, tuple(told), tuple(broken),
+        (*["scan"] * counted, *["source"] * several, *names, "strip", *ends), rows, lines, ".", True, tuple(told),
+        tuple(broken),
         (*around, form[1].strip()), quotes={n: texts[n].strip() for n in broken},
     )  # fmt: skip
 
 
 def _may_be_cut(line: str, word: str, form: str) -> bool:
-    """Return whether a line may be what is left of one of the readings: it has a strip's label, or begins as they do."""
+    """Return whether a line may be left of one of the readings: it has a strip's label, or begins as they do."""
     if not re.search(r"\d", line):
         return False
     if any(m["word"] == word and m["sign"].strip() for m in (_LABEL if word else _BARE).finditer(line)):
         return True
     begin = " ".join(_SLOT.sub("0", line).split())
-    return form.startswith(begin) or (bool(form) and begin.startswith(form)) or not re.search(r"[^\W\d_]{2}", line)
+    return (
+        form.startswith(begin)
+        or (bool(form) and begin.startswith(form))
+        or not re.search(r"[^\W\d_]{2}", line)
+    )
 
 
 def _parsed(line: str, word: str) -> _Line | None:
@@ -198,13 +211,17 @@ def _names(above: Sequence[str], line: _Line, text: str) -> list[str]:
         parts = text.split(mark)
         for row in reversed(above):
             names = [name.strip() for name in row.split(mark)]
-            if len(names) == len(parts) > 1 and sum(bool(_SLOT.search(p)) for p in parts[:-1]) == len(line.fields):
+            if len(names) == len(parts) > 1 and sum(bool(_SLOT.search(p)) for p in parts[:-1]) == len(
+                line.fields
+            ):
                 return [n for n, p in zip(names, parts[:-1], strict=False) if _SLOT.search(p)]
     return [name for name, _ in line.fields]
 
 
-def _of_fields(names: list[str], fields: Sequence[tuple[tuple[str, str], ...]]) -> tuple[list[str], list[int]]:
-    """Return the names of the fields that say something of scans, and their places: those that are not always the same."""
+def _of_fields(
+    names: list[str], fields: Sequence[tuple[tuple[str, str], ...]]
+) -> tuple[list[str], list[int]]:
+    """Return the names of the fields that say something of scans, not always the same, and their places."""
     kept = [n for n in range(len(names)) if len({row[n][1] for row in fields}) > 1]
     named = [names[n] or f"column {n + 1}" for n in kept]
     if len(kept) == 1 and not names[kept[0]]:

@@ -1,4 +1,4 @@
-"""Nested records as a table of a line per strip: keys and places say strip and channel wherever they stand in a path."""
+"""Nested records as a table of a line per strip: keys and places say strip and channel, wherever in a path."""
 
 from __future__ import annotations
 
@@ -62,6 +62,8 @@ def of_tree(documents: Sequence[tuple[int, Any]], said: Sequence[str], told: str
     leaves = [(n, path, value) for n, (_, doc) in enumerate(documents) for path, value in _leaves((), doc)]
     named = any(_channel_key(path) is not None for _, path, _ in leaves)
     found = [(n, path, r) for n, path, v in leaves if (r := _reading(path, v, named)) is not None]
+    if not any(isinstance(key, str) for _, path, _ in found for key in path):
+        return None  # lists of lists: their order says what is what
     kinds = {(r.channel, r.key, r.form, _template(r.base)) for _, _, r in found}
     if len(kinds) != 2 or {channel for channel, *_ in kinds} != {"h", "l"}:
         return None
@@ -71,7 +73,11 @@ def of_tree(documents: Sequence[tuple[int, Any]], said: Sequence[str], told: str
     scans: dict[tuple[int, Path], dict[str, dict[str, str]]] = {}
     places = {path: (r.base, r.strip) for _, path, r in found}
     depth = len(base) + 1
-    within = {(n, path[:depth]) for n, path, _ in leaves if _template(path[: depth - 1]) == base and len(path) >= depth}
+    within = {
+        (n, path[:depth])
+        for n, path, _ in leaves
+        if _template(path[: depth - 1]) == base and len(path) >= depth
+    }
     strips_of = {(n, r.base) for n, _, r in found}
     labels = {(n, (*r.base, r.strip)) for n, _, r in found}
     if form == "inner":
@@ -82,7 +88,9 @@ def of_tree(documents: Sequence[tuple[int, Any]], said: Sequence[str], told: str
         if path not in places and (n, path[:depth]) in labels:
             own.setdefault((n, path[:depth]), {})[".".join(map(str, path[depth:]))] = value
     void = _void(leaves, labels, base, depth) if form == "inner" else set()
-    order = sorted({(n, p[:-1]) for n, p in labels} | void, key=lambda key: (key[0], _first_place(leaves, key)))
+    order = sorted(
+        {(n, p[:-1]) for n, p in labels} | void, key=lambda key: (key[0], _first_place(leaves, key))
+    )
     names = _names(found, leaves)
     numbers = _strip_numbers(labels, own, form)
     if numbers is None:
@@ -105,7 +113,9 @@ def of_tree(documents: Sequence[tuple[int, Any]], said: Sequence[str], told: str
             row.clear()
     outer, above = _outer(leaves, labels, order, depth)
     units = {text_of(v) for _, p, v in leaves if p and isinstance(p[-1], str) and _UNIT.fullmatch(p[-1])}
-    if outer is None or (len(units) > 1 and not any(_UNIT.fullmatch(name.rpartition(".")[2]) for name in outer)):
+    if outer is None or (
+        len(units) > 1 and not any(_UNIT.fullmatch(name.rpartition(".")[2]) for name in outer)
+    ):
         return None
     rows, lines, empty = [], [], set()
     shown_strip = next(iter(numbers.values()))
@@ -116,9 +126,14 @@ def of_tree(documents: Sequence[tuple[int, Any]], said: Sequence[str], told: str
             empty.add(line)
         ordered = sorted(scans[key].items(), key=lambda item: number_of(item[0]) or 0.0)
         for strip, values in ordered:
-            rows.append([*(column[key] for column in outer.values()), strip, values.get("h", ""), values.get("l", "")])
+            rows.append(
+                [*(column[key] for column in outer.values()), strip, values.get("h", ""), values.get("l", "")]
+            )
             lines.append(line)
-    remarks = [told, f"{'.'.join(map(str, base))}: a scan each, with a value for each strip below it" if base else ""]
+    remarks = [
+        told,
+        f"{'.'.join(map(str, base))}: a scan each, with a value for each strip below it" if base else "",
+    ]
     kept = {n for n, _ in order}
     others = [documents[n][0] for n in range(len(documents)) if n not in kept]
     if others:
@@ -203,7 +218,11 @@ def _reading(path: Path, value: Any, named: bool) -> _Reading | None:
             else None
         )
     if place == len(path) - 2:
-        return _Reading(path[:place], path[-1], said.channel, key, "outer", text) if _is_label(path[-1]) else None
+        return (
+            _Reading(path[:place], path[-1], said.channel, key, "outer", text)
+            if _is_label(path[-1])
+            else None
+        )
     at = next((n for n in range(place - 1, -1, -1) if _is_label(path[n])), None)
     if at is None:
         return None
@@ -225,7 +244,9 @@ def _template(path: Path) -> tuple[str, ...]:
 
 
 def _first_place(leaves: Sequence[tuple[int, Path, Any]], key: tuple[int, Path]) -> tuple[Any, ...]:
-    return tuple(k if isinstance(k, int) else number_of(k) or 0.0 for k in key[1] if isinstance(k, int) or number_of(k))
+    return tuple(
+        k if isinstance(k, int) else number_of(k) or 0.0 for k in key[1] if isinstance(k, int) or number_of(k)
+    )
 
 
 def _names(
@@ -234,7 +255,9 @@ def _names(
     """Return the names of both channels' columns, with the unit that their keys, or those around them, say."""
     keys = {r.channel: r.key for _, _, r in found}
     path = next(p for _, p, _ in found)
-    around = [UNITS.get(w.casefold(), "") for k in path if isinstance(k, str) for w in re.findall(r"[^\W\d_]+", k)]
+    around = [
+        UNITS.get(w.casefold(), "") for k in path if isinstance(k, str) for w in re.findall(r"[^\W\d_]+", k)
+    ]
     units = {
         UNITS.get(text_of(v)) or UNITS.get(text_of(v).casefold(), "")
         for _, p, v in leaves if p and isinstance(p[-1], str) and _UNIT.fullmatch(p[-1])
@@ -244,7 +267,9 @@ def _names(
     for channel in "hl":
         own = meaning(keys.get(channel, "")).unit
         unit = own if own in READING_UNITS else told[0] if len({*told}) == 1 else ""
-        name = f"v_{channel}" if keys.get(channel) else "ab"["hl".index(channel)]  # of a pair the readings tell
+        name = (
+            f"v_{channel}" if keys.get(channel) else "ab"["hl".index(channel)]
+        )  # of a pair the readings tell
         made[channel] = name + (f" [{unit}]" if unit else "")
     return made
 
@@ -253,7 +278,10 @@ def _strip_numbers(
     labels: set[tuple[int, Path]], own: Mapping[tuple[int, Path], Mapping[str, Any]], form: str
 ) -> dict[tuple[int, Path], str] | None:
     """Return the strip's number of each label: what stands beside its readings, its key's number, or its place."""
-    beside = {label: [k for k, v in own.get(label, {}).items() if k and _is_number_of_strip(k, v)] for label in labels}
+    beside = {
+        label: [k for k, v in own.get(label, {}).items() if k and _is_number_of_strip(k, v)]
+        for label in labels
+    }
     keys = Counter(k for ks in beside.values() for k in ks)
     key = max(keys, key=lambda k: keys[k], default="")
     if key and keys[key] == len(labels) and all(isinstance(p[-1], int) for _, p in labels):
@@ -336,7 +364,9 @@ def _with_parts_of_seconds(columns: dict[str, dict[Any, str]]) -> dict[str, dict
     for name in columns:
         parent, _, last = name.rpartition(".")
         digits = next((d for d, words in _PARTS.items() if words.fullmatch(last)), 0)
-        whole = [n for n in columns if n.rpartition(".")[0] == parent and _SECONDS.fullmatch(n.rpartition(".")[2])]
+        whole = [
+            n for n in columns if n.rpartition(".")[0] == parent and _SECONDS.fullmatch(n.rpartition(".")[2])
+        ]
         if not digits or len(whole) != 1 or columns[whole[0]].keys() != columns[name].keys():
             continue
         parts, seconds = columns[name], columns[whole[0]]
@@ -352,4 +382,6 @@ def _with_parts_of_seconds(columns: dict[str, dict[Any, str]]) -> dict[str, dict
 
 def _common(path: Path, base: Path) -> int:
     """Return how many keys a path has in common with that of a scan."""
-    return next((n for n, (a, b) in enumerate(zip(path, base, strict=False)) if a != b), min(len(path), len(base)))
+    return next(
+        (n for n, (a, b) in enumerate(zip(path, base, strict=False)) if a != b), min(len(path), len(base))
+    )
