@@ -234,3 +234,10 @@ def test_a_unit_that_changes_holds_for_its_records() -> None:
 @pytest.mark.parametrize("text", [_xml(True), _protobuf(True)])
 def test_a_log_that_is_cut_is_not_read_in_silence(text: str) -> None:
     _not_silent(text[: int(0.7 * len(text))])
+
+
+def test_a_list_of_times_for_each_strip_is_no_pair() -> None:
+    series = [[_high(n, s) for n in range(_SCANS)] for s in range(_STRIPS)]
+    sensor = ts.Sensor(construction="crs-m", strips=_STRIPS, pitch_mm=8.0, length_mm=60.0, vref_volt=5.0)
+    found = propose(of_text(json.dumps({"rate_hz": 20, "strips": series})), sensor)
+    assert np.stack([scan.values[:, 0] for scan in found.scans]) == pytest.approx(np.array(series).T)

@@ -145,7 +145,9 @@ def _ask_for_sensor(clues: Clues, known: dict[str, Meaning]) -> None:
     of = [n for n in table.names if n in named]
     keys = list(zip(*(table.column(n) for n in of), strict=True)) if of else []
     read = [table.places[n] for n, m in known.items() if m.role == "reading"]
-    holds = [any(row[p] for p in read) for row in table.rows]  # else lines of another device, which is no choice
+    holds = [
+        any(row[p] for p in read) for row in table.rows
+    ]  # else lines of another device, which is no choice
     for name in table.names:
         fields = table.column(name)
         values = sorted({f for f, there in zip(fields, holds, strict=True) if there or not read})

@@ -276,7 +276,9 @@ def _octave(text: str, path: str) -> Table | None:
 
 def yaml_documents(text: str) -> tuple[list[tuple[int, Any]], list[tuple[int, str]]]:
     """Return the documents of a text in YAML with their lines, and its comments; nothing where it is none."""
-    comments = [(i, line.strip()) for i, line in enumerate(text.splitlines(), 1) if re.search(r"(?:\A|\s)#\s", line)]
+    comments = [
+        (i, line.strip()) for i, line in enumerate(text.splitlines(), 1) if re.search(r"(?:\A|\s)#\s", line)
+    ]
     documents: list[tuple[int, list[str]]] = [(0, [])]
     for i, line in enumerate(text.splitlines(), 1):
         plain = re.sub(r"(?:\A|\s+)#\s.*", "", line).rstrip()
@@ -288,7 +290,10 @@ def yaml_documents(text: str) -> tuple[list[tuple[int, Any]], list[tuple[int, st
             first, doc = documents[-1]
             documents[-1] = (first or i, [*doc, plain])
     every = [line for _, doc in documents for line in doc]
-    if not (all(map(_ITEM.fullmatch, every)) and any(re.fullmatch(r"\s*(?:- )?[\w.\"' -]+:", line) for line in every)):
+    if not (
+        all(map(_ITEM.fullmatch, every))
+        and any(re.fullmatch(r"\s*(?:- )?[\w.\"' -]+:", line) for line in every)
+    ):
         return [], []
     try:
         return [(i, _block(doc)[0]) for i, doc in documents if doc], comments

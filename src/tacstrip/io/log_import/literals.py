@@ -57,7 +57,8 @@ def literals(text: str) -> tuple[list[tuple[int, Any]], list[tuple[int, str]]]:
         return list(enumerate(whole, 1)), []
     lines = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip()]
     found = [
-        (i, value) for i, line in lines
+        (i, value)
+        for i, line in lines
         if isinstance(value := literal(_TIMED.sub(r"(\1, \2)", line)), list | tuple | dict) and value
     ]
     first, last = (found[0][0], found[-1][0]) if found else (0, 0)

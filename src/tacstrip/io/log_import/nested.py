@@ -25,7 +25,7 @@ def documents(text: str) -> tuple[Documents, list[tuple[int, str]]]:
 
     Examples
     --------
-    >>> documents("{'t': 1,\\n 'h': [2.5,\\n  None]}\\n")[0]
+    >>> documents("{'t': 1,\n 'h': [2.5,\n  None]}\n")[0]
     [(1, {'t': 1, 'h': [2.5, None]})]
     >>> documents("scan { t: 1 strip { id: 0 high: 2.5 } }")[0]
     [(1, {'scan': {'t': '1', 'strip': {'id': '0', 'high': '2.5'}}})]

@@ -84,8 +84,14 @@ _UNIT_IN_PROSE = (
         ),
         "fraction",
     ),
-    (re.compile(r"\bper ?mille?\b[\s_]+of[\s_]+(?:the[\s_]+)?(?:v_?ref|vcc|vdd|supply|ref|full)", re.I), "permille"),
-    (re.compile(r"(?:\bpercent|%)[\s_]+of[\s_]+(?:the[\s_]+)?(?:v_?ref|vcc|vdd|supply|ref|full)", re.I), "percent"),
+    (
+        re.compile(r"\bper ?mille?\b[\s_]+of[\s_]+(?:the[\s_]+)?(?:v_?ref|vcc|vdd|supply|ref|full)", re.I),
+        "permille",
+    ),
+    (
+        re.compile(r"(?:\bpercent|%)[\s_]+of[\s_]+(?:the[\s_]+)?(?:v_?ref|vcc|vdd|supply|ref|full)", re.I),
+        "percent",
+    ),
     (re.compile(r"(?<![\w\d])(?<!\d )millivolts\b", re.I), "mV"),
 )
 _OF_OTHERS = re.compile(r"batter|supply|vbat|temp|v_?ref|aref|vcc|vdd|\btime\b|\bbaud\b", re.IGNORECASE)

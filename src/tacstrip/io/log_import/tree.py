@@ -62,6 +62,8 @@ def of_tree(documents: Sequence[tuple[int, Any]], said: Sequence[str], told: str
     leaves = [(n, path, value) for n, (_, doc) in enumerate(documents) for path, value in _leaves((), doc)]
     named = any(_channel_key(path) is not None for _, path, _ in leaves)
     found = [(n, path, r) for n, path, v in leaves if (r := _reading(path, v, named)) is not None]
+    if not named and any(isinstance(path[-1], int) and path[-1] > 1 for _, path, _ in leaves if path):
+        return None  # longer lists are no pairs
     if not any(isinstance(key, str) for _, path, _ in found for key in path):
         return None  # lists of lists: their order says what is what
     kinds = {(r.channel, r.key, r.form, _template(r.base)) for _, _, r in found}
