@@ -139,7 +139,7 @@ def _ask_for_sensor(clues: Clues, known: dict[str, Meaning]) -> None:
     """Ask which sensor's lines are meant, where a column names several: "pad", or one that tells equal lines apart."""
     table = clues.table
     one = {m.channel for m in known.values() if m.role == "reading"}
-    single = clues.expected == ("out",) or {"h", "l"} <= one
+    single = clues.expected == ("out",) or {"h", "l"} <= one or bool(len(one) == 2 and pair_of(one))
     named = {n for n, m in known.items() if m.role in ("time", "scan", "strip") and n != CLOCK}
     numbered = any(m.role == "strip" or m.strip is not None for m in known.values())
     of = [n for n in table.names if n in named]

@@ -30,8 +30,9 @@ _ASSIGNED = re.compile(r"([A-Za-z_][\w.]*)\s*=\s*(\[[^\]]*\]|[^;\n\[]+)\s*'?\s*;
 _RANGE = re.compile(r"\(?([^:()]+):([^:()]+)(?::([^:()]+))?\)?(?:\s*\.?([*/])\s*(.+))?")
 _PRINTED = re.compile(r"\s*\[(\d+)\]\s+(.*)")  # R's print of a vector
 _NAMED = re.compile(r"(?:\$|>\s*(?:print\()?)\s*([A-Za-z][\w.$]*)\)?\s*")
+_WITHIN = r"(?:[^()]|\((?:[^()]|\([^()]*\))*\))*"  # brackets in brackets, as of a CHECK
 _CREATED = re.compile(
-    r"CREATE\s+TABLE\s+(?:IF\s+NOT\s+EXISTS\s+)?([^\s(]+)\s*\(((?:[^()]|\([^()]*\))*)\)", re.IGNORECASE
+    rf"CREATE\s+TABLE\s+(?:IF\s+NOT\s+EXISTS\s+)?([^\s(]+)\s*\(({_WITHIN})\)", re.IGNORECASE
 )
 _INSERTED = re.compile(
     r"INSERT\s+INTO\s+(\S+?)\s+VALUES\s*((?:\((?:'[^']*'|[^()'])*\)[,\s]*)+);", re.IGNORECASE
@@ -165,7 +166,7 @@ def _dumped(text: str) -> list[list[str]]:
     names = {
         table.strip(quotes): [
             column.split()[0].strip(quotes)
-            for column in re.split(r",(?![^()]*\))", inner)
+            for column in _columns_of(inner)
             if column.split() and not _CONSTRAINT.match(column)
         ]
         for table, inner in _CREATED.findall(text)
@@ -182,6 +183,26 @@ def _dumped(text: str) -> list[list[str]]:
     if not found.get(longest) or not names.get(longest):
         return []
     return [names[longest], *found[longest]]
+
+
+def _columns_of(inner: str) -> list[str]:
+    r"""Return the columns that a table is created with, without remarks.
+
+    Examples
+    --------
+    >>> _columns_of("t INTEGER, -- millis(), of the board\n e TEXT CHECK(e IN ('HI','LO')), v REAL")
+    ['t INTEGER', "e TEXT CHECK(e IN ('HI','LO'))", 'v REAL']
+    """
+    plain = re.sub(r"--[^\n]*|/\*.*?\*/", "", inner)
+    parts = [""]
+    depth = 0
+    for c in plain:
+        depth += (c == "(") - (c == ")")
+        if c == "," and not depth:
+            parts.append("")
+        else:
+            parts[-1] += c
+    return [" ".join(part.split()) for part in parts]
 
 
 def _lines(text: str) -> list[tuple[int, str]]:
@@ -283,6 +304,33 @@ def _octave(text: str, path: str) -> Table | None:
 
 
 # YAML
+
+
+def yaml_documents(text: str) -> tuple[list[tuple[int, Any]], list[tuple[int, str]]]:
+    """Return the documents of a text in YAML with their lines, and its comments; nothing where it is none."""
+    comments = [
+        (i, line.strip()) for i, line in enumerate(text.splitlines(), 1) if re.search(r"(?:\A|\s)#\s", line)
+    ]
+    documents: list[tuple[int, list[str]]] = [(0, [])]
+    for i, line in enumerate(text.splitlines(), 1):
+        plain = re.sub(r"(?:\A|\s+)#\s.*", "", line).rstrip()
+        if plain in ("---", "...") or re.fullmatch(r"\s.*\w---", plain):  # as behind a message that ROS lost
+            documents.append((0, []))
+        elif plain and (plain.startswith("\t") or not (":" in plain or plain.lstrip().startswith("-"))):
+            comments.append((i, plain.strip()))  # no line of YAML
+        elif plain:
+            first, doc = documents[-1]
+            documents[-1] = (first or i, [*doc, plain])
+    every = [line for _, doc in documents for line in doc]
+    if not (
+        all(map(_ITEM.fullmatch, every))
+        and any(re.fullmatch(r"\s*(?:- )?[\w.\"' -]+:", line) for line in every)
+    ):
+        return [], []
+    try:
+        return [(i, _block(doc)[0]) for i, doc in documents if doc], comments
+    except (ValueError, RecursionError):
+        return [], []
 
 
 def _yaml(text: str, path: str) -> Table | None:

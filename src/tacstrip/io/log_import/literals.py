@@ -6,7 +6,7 @@ import ast
 import re
 from typing import Any
 
-from tacstrip.io.log_import.fields import number_of, says_nothing
+from tacstrip.io.log_import.fields import is_prose, number_of, says_nothing
 
 _WRAPPED = re.compile(
     r"\b(?:np\.|numpy\.)?(?:array|float\d*|u?int\d*|deque|tuple|list)\(((?:[^()]|\([^()]*\))*?)(?:,\s*dtype=[\w.']+)?\)"
@@ -16,6 +16,8 @@ _NONE = re.compile(r"(?<![\w'\"])[+-]?(?:nan|NaN|NAN|inf|Infinity|null)(?![\w'\"
 _SCALE = re.compile(r"\s*(\d+(?:\.\d+)?[eE][+-]?\d+)\s*\*\s*")
 _PAGE = re.compile(r"\s*Columns? \d+(?: (?:through|thru|and|to) \d+)?:?\s*")
 _ROWS = re.compile(r"([^\[]*)\[\s*((?:\[[^\[\],]*\]\s*)+)\]\s*\)?")
+_TIMED = re.compile(r"\A\s*(\d+(?:\.\d+)?)[\s:,;]+([\[(].*[\])])\s*\Z")  # a number before a list
+_FEW = 2  # lists
 _DEEPEST = 400  # brackets in one line
 
 
@@ -55,13 +57,17 @@ def literals(text: str) -> tuple[list[tuple[int, Any]], list[tuple[int, str]]]:
         return list(enumerate(whole, 1)), []
     lines = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip()]
     found = [
-        (i, value) for i, line in lines if isinstance(value := literal(line), list | tuple | dict) and value
+        (i, value)
+        for i, line in lines
+        if isinstance(value := literal(_TIMED.sub(r"(\1, \2)", line)), list | tuple | dict) and value
     ]
     first, last = (found[0][0], found[-1][0]) if found else (0, 0)
-    around = [(i, line) for i, line in lines if not first <= i <= last]
-    return (
-        (found, around) if len(found) + len(around) == len(lines) and len(found) > len(around) else ([], [])
-    )
+    there = {i for i, _ in found}
+    around = [(i, line) for i, line in lines if i not in there]
+    contiguous = not any(first <= i <= last for i, _ in around)
+    # A prompt, a banner or what a program prints as it fails holds no list.
+    words = len(found) > _FEW and all(not re.search(r"\d", line) or is_prose(line) for _, line in around)
+    return (found, around) if words or (contiguous and len(found) > len(around)) else ([], [])
 
 
 def unwrapped(every: list[tuple[int, str]]) -> list[tuple[int, str]]:

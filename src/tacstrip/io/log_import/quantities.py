@@ -75,6 +75,25 @@ _UNIT_TOLD = re.compile(
     r"|to Vref|of Vref|over Vref|/ ?Vref)(?!\w)|\b(counts|codes|LSBs?)\b",
     re.IGNORECASE,
 )
+# What is said in prose: "ratios to Vref", "RATIO_OF_VREF", "permille of the supply", "these are *millivolts*".
+_UNIT_IN_PROSE = (
+    (
+        re.compile(
+            r"(?:ratios?|fractions?|ratiometric)[\s_]+(?:to|of|over)[\s_]+(?:the[\s_]+)?(?:v_?ref|vcc|vdd|supply|ref)",
+            re.I,
+        ),
+        "fraction",
+    ),
+    (
+        re.compile(r"\bper ?mille?\b[\s_]+of[\s_]+(?:the[\s_]+)?(?:v_?ref|vcc|vdd|supply|ref|full)", re.I),
+        "permille",
+    ),
+    (
+        re.compile(r"(?:\bpercent|%)[\s_]+of[\s_]+(?:the[\s_]+)?(?:v_?ref|vcc|vdd|supply|ref|full)", re.I),
+        "percent",
+    ),
+    (re.compile(r"(?<![\w\d])(?<!\d )millivolts\b", re.I), "mV"),
+)
 _OF_OTHERS = re.compile(r"batter|supply|vbat|temp|v_?ref|aref|vcc|vdd|\btime\b|\bbaud\b", re.IGNORECASE)
 _OVER_VREF = re.compile(r"=\s*\w+\s*\.?/\s*V_?ref\b", re.IGNORECASE)  # as in "Vh = raw/Vref"
 _HOURS_SAID = re.compile(
@@ -734,6 +753,7 @@ def _by_size(clues: Clues, values: FloatArray, vref: float, bits: int, volts: bo
         clauses = [clause for clause in clauses if not _OF_OTHERS.search(clause)]
         said = {w.casefold() for w in _UNIT_TOLD.findall("\n".join(clauses)) for w in w if w}
         named = {"fraction" if w.endswith("vref") else UNITS.get(w, "") for w in said}
+        named |= {unit for words, unit in _UNIT_IN_PROSE if any(map(words.search, clues.table.preamble))}
         named |= {"fraction"} if any(map(_OVER_VREF.search, clues.table.preamble)) else set()
         if len(named) == 1 and named <= set(likely):
             clues.because(f"readings are in {min(named)}, as the log says above them")

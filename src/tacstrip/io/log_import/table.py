@@ -25,8 +25,20 @@ _MOST_VOLTS = 100.0  # no Vref has more
 _TALLEST_HEADER = 5
 _STATISTICS = frozenset(
     {"mean", "average", "avg", "mittel", "mittelwert", "moyenne", "media", "promedio", "mw", "min", "minimum", "max"}
-    | {"maximum", "std", "stdev", "stddev", "stabw", "sd", "sigma", "sum", "summe", "total", "somme", "median", "count"}
+    | {"maximum", "std", "stdev", "stddev", "stabw"}
+    | {"sd", "sigma", "sum", "summe", "total"}
+    | {"somme", "median", "count"}
     | {"anzahl", "rms", "var", "variance", "range", "25%", "50%", "75%"}
+    | {"std dev", "std. dev", "st. dev", "standard deviation", "stdev.s"}
+    | {"stdev.p", "standardabweichung", "varianz", "\u00f8"}
+    | {"durchschnitt", "gesamt", "\u00e9cart-type", "\u00e9cart type", "ecart-type", "m\u00e9diane", "moy"}
+    | {"m\u00e9dia", "desvio padr\u00e3o", "desvio", "mediana", "m\u00edn"}
+    | {"m\u00e1x", "m\u00ednimo", "m\u00e1ximo", "soma", "vari\u00e2ncia"}
+    | {"desviaci\u00f3n", "desviaci\u00f3n est\u00e1ndar", "desv. est", "suma", "varianza"}
+    | {"deviazione standard", "dev. st", "somma"}
+    | {"minimo", "massimo", "gemiddelde", "gemiddeld", "standaardafwijking", "\u015brednia", "srednia", "odchylenie"}
+    | {"mediaan", "skew", "kurtosis", "\u03c3", "\u03bc"}
+    | {"\u5e73\u5747", "\u6807\u51c6\u5dee", "\u6a19\u6e96\u504f\u5dee"}
 )  # fmt: skip
 _UNIT_WORDS = frozenset({"unit", "units", "einheit", "einheiten"})
 _INNER = re.compile(r"(?:\[\d+\]|\.\w+)([.\[].*)")  # what is within a part of a record

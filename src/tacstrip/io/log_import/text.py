@@ -25,13 +25,16 @@ from tacstrip.io.log_import.delimiters import (
     without_prefix,
     without_tag,
 )
-from tacstrip.io.log_import.dialects import of_dialect, of_displayed_scans, plain_rows
-from tacstrip.io.log_import.fields import STAMP, clock_seconds, is_value, number_of, says_nothing
+from tacstrip.io.log_import.dialects import of_dialect, of_displayed_scans, plain_rows, yaml_documents
+from tacstrip.io.log_import.fields import STAMP, clock_seconds, is_prose, is_value, number_of, says_nothing
 from tacstrip.io.log_import.groups import of_groups
 from tacstrip.io.log_import.labels import with_labels
 from tacstrip.io.log_import.literals import one_page, unwrapped
 from tacstrip.io.log_import.names import OTHER_SCRIPT, meaning, meanings, pair_of
+from tacstrip.io.log_import.nested import documents
+from tacstrip.io.log_import.pandas_print import of_pandas
 from tacstrip.io.log_import.records import STEADY, Item, is_label, items, named_values, of_literals
+from tacstrip.io.log_import.runs import of_runs
 from tacstrip.io.log_import.sections import in_one_table
 from tacstrip.io.log_import.series import without_other_series
 from tacstrip.io.log_import.shape import in_normal_form
@@ -39,6 +42,8 @@ from tacstrip.io.log_import.sideways import upright
 from tacstrip.io.log_import.strays import numbered, with_retries, without, without_messages
 from tacstrip.io.log_import.table import CLOCK, GARBLED, ROW, ContradictionError, Table, decimal_mark, headed
 from tacstrip.io.log_import.tags import without_other_tags
+from tacstrip.io.log_import.thousands import without_thousands
+from tacstrip.io.log_import.tree import of_tree
 
 _WIDE = "  "  # two spaces or more
 _SEPARATORS = (";", "\t", "|", ",", _WIDE, " ")
@@ -191,7 +196,7 @@ def _is_said(quote: str, line: str) -> bool:
 
 def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     """Return a text as a table in normal form, as if some of its lines were not there."""
-    text, bounds = _BOUND.subn(r"\1", _THOUSANDS.sub("", text))
+    text, bounds = _BOUND.subn(r"\1", without_thousands(_THOUSANDS.sub("", of_pandas(without(text, strays)))))
     text, messages = without_messages(
         _COLOUR.sub("", plain_rows(of_displayed_scans(without(text, strays)).translate(_HALF_WIDTH)))
     )
@@ -199,6 +204,11 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     text, tagged = without_other_tags(text)
     bounded = "what stands behind \u00b1: no readings, passed over" if bounds > 1 else ""
     messages = "; ".join(filter(None, [messages, others, tagged, bounded]))
+    if (nested := _of_nested(text)) is not None:
+        return in_normal_form(replace(nested, remarks=(*filter(None, [messages]), *nested.remarks)))
+    if (labelled := of_runs(text)) is not None:
+        labelled = replace(labelled, remarks=(*filter(None, [messages]), *labelled.remarks))
+        return in_normal_form(_without_cut_end(labelled, text))
     text = with_labels(with_channel_names(upright(_of_two_lines(of_sent(without_prefix(text))))))
     if (table := of_literals(text, path) or of_dialect(text, str(path))) is not None:
         return in_normal_form(replace(table, remarks=(*filter(None, [messages]), *table.remarks)))
@@ -281,6 +291,17 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
         doubts=(*table.doubts, *doubts, *strips_told_otherwise(above)),
     )
     return in_normal_form(table)
+
+
+def _of_nested(text: str) -> Table | None:
+    """Return a text of nested records as a table; None where it is none, or holds lines of another form beside them."""
+    found, around = documents(text)
+    if not found:
+        found, around = yaml_documents(text)
+    odd = [line for _, line in around if re.search(r"\d", line) and not line.lstrip().startswith(_COMMENT)]
+    if not found or (len(found) > 1 and len(odd) >= len(found)) or any(not is_prose(line) for line in odd):
+        return None
+    return of_tree(found, [line for _, line in around], "nested records: a line per strip")
 
 
 def _of_two_lines(text: str) -> str:
