@@ -63,9 +63,9 @@ def changes_said(text: str, lines: Sequence[int]) -> tuple[tuple[int, str], ...]
 
     Examples
     --------
-    >>> changes_said("0,1.5,1\\n# changed the sketch: prints mV now\\n1,2400,2100", [1, 3])
+    >>> changes_said("0,1.5,1\n# changed the sketch: prints mV now\n1,2400,2100", [1, 3])
     ((2, '# changed the sketch: prints mV now'),)
-    >>> changes_said("0,1.5,1\\nchanged the object: steel now\\n1,2.4,2.1", [1, 3])
+    >>> changes_said("0,1.5,1\nchanged the object: steel now\n1,2.4,2.1", [1, 3])
     ()
     """
     if not lines:
