@@ -22,6 +22,15 @@ from waiting import wait_until
 SIGNALS = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
 HOUR_S = 3600.0  # of work that must be given up: none of it can end by itself meanwhile
 LONG_S = 30.0  # none of the tests waits so long, unless it fails
+AT_FORK: list[signal.Signals] = []  # come in this process when the next one has been forked
+
+
+def _fork() -> None:
+    if AT_FORK:
+        signal.raise_signal(AT_FORK.pop())
+
+
+os.register_at_fork(after_in_parent=_fork)
 
 
 def _end(number: signal.Signals) -> None:
@@ -93,6 +102,21 @@ def test_work_in_other_processes_is_given_up_with_its_block() -> None:
     for future in (running, waiting):
         with pytest.raises((BrokenExecutor, CancelledError, SystemExit)):
             future.result()
+
+
+@pytest.mark.parametrize("number", SIGNALS)
+def test_an_end_asked_for_while_a_process_is_forked_is_not_lost(number: signal.Signals) -> None:
+    """Python prints what is raised in a hook of a fork, and goes on."""
+    with all_as_ctrl_c(), worker_processes(1, start_method="fork") as pool:
+        AT_FORK.append(number)
+        with pytest.raises(KeyboardInterrupt):
+            pool.submit(os.getpid)
+        assert not AT_FORK
+        assert pool.submit(os.getpid).result() != os.getpid()  # it was begun nevertheless
+    with deferred_interrupt() as stop, worker_processes(1, start_method="fork") as pool:
+        AT_FORK.append(number)
+        pool.submit(os.getpid)
+        assert stop()
 
 
 @pytest.mark.parametrize("number", SIGNALS)

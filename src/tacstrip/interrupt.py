@@ -8,13 +8,14 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from contextlib import AbstractContextManager, contextmanager, suppress
 from multiprocessing import active_children, get_context
 from types import FrameType
-from typing import TypeVar
+from typing import ParamSpec, TypeVar
 
 _Item = TypeVar("_Item")
+_P = ParamSpec("_P")
 # Windows has no SIGHUP.
 _SIGNALS = [s for name in ("SIGINT", "SIGTERM", "SIGHUP") if (s := getattr(signal, name, None)) is not None]
 _ORPHAN_S = 0.5  # between two looks of a worker whether its parent is there
@@ -38,6 +39,21 @@ def _handled(handler: Callable[[int, FrameType | None], object]) -> Iterator[Non
 def all_as_ctrl_c() -> AbstractContextManager[None]:
     """While entered, all that ends a program raises `KeyboardInterrupt`, so that no part of a file is left."""
     return _handled(signal.default_int_handler)
+
+
+@contextmanager
+def _held_back() -> Iterator[None]:
+    """Let what ends a program wait for the end of the block: an exception in the hooks of a fork would be lost."""
+    if threading.current_thread() is not threading.main_thread():
+        yield  # signals are handled in the main thread alone
+        return
+    held: list[int] = []
+    try:
+        with _handled(lambda number, _: held.append(number)):
+            yield
+    finally:
+        for number in held[:1]:
+            signal.raise_signal(number)
 
 
 class Stop:
@@ -95,7 +111,15 @@ def worker_pool(
     count: int | None = None, nice: int = 0, start_method: str | None = None
 ) -> ProcessPoolExecutor:
     """Return processes that leave it to the first one what ends work; use it within `children_end`."""
-    return ProcessPoolExecutor(count, get_context(start_method), _begin, (nice,))
+    return _Pool(count, get_context(start_method), _begin, (nice, os.getpid()))
+
+
+class _Pool(ProcessPoolExecutor):
+    """Processes that are begun without being disturbed."""
+
+    def submit(self, work: Callable[_P, _Item], /, *args: _P.args, **options: _P.kwargs) -> Future[_Item]:
+        with _held_back():
+            return super().submit(work, *args, **options)
 
 
 @contextmanager
@@ -114,14 +138,14 @@ def children_end() -> Iterator[None]:
             child.join()
 
 
-def _begin(nice: int) -> None:
+def _begin(nice: int, parent: int) -> None:
     """Leave Ctrl-C, which a terminal sends to all processes, to the first one, and let it run first."""
-    for number in _SIGNALS:
-        signal.signal(number, lambda *_: sys.exit(1))
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
+    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
     with suppress(AttributeError, OSError):
         os.nice(nice)
+    for number in set(_SIGNALS) - {signal.SIGINT}:
+        signal.signal(number, lambda *_: sys.exit(1))
 
 
 def _end_with(parent: int) -> None:

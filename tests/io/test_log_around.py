@@ -14,6 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import tacstrip as ts
+from tacstrip.errors import ReadingError
 from tacstrip.io.log_import import containers
 from tacstrip.io.log_import.containers import read_table
 from tacstrip.io.log_import.delimiters import without_prefix
@@ -211,6 +212,14 @@ def test_what_would_unpack_to_too_much_is_refused(tmp_path: Path, monkeypatch: p
     (tmp_path / "a.parquet").write_bytes(damaged("parquet"))
     with pytest.raises(ts.ReadingError, match="more than 10 numbers"):
         read_table(tmp_path / "a.parquet")
+
+
+@pytest.mark.parametrize("run", ["1", "x", "\u0663", "F0", "(", "["])
+def test_a_line_without_an_end_is_refused_and_takes_no_time(run: str) -> None:
+    """The time of several patterns grows with its square: 200,000 digits took minutes."""
+    rows = "".join(f"{i}, 0.{i}, 0.{i + 1}\n" for i in range(1, 9))
+    with pytest.raises(ReadingError, match=r"line 9: 10+ characters and more without"):
+        of_text(rows + 200_000 * run)
 
 
 def zipped(data: bytes) -> bytes:

@@ -135,6 +135,7 @@ _CHANNEL_LINE = re.compile(
     r"\s*((?:\d+(?:\.\d+)?[\s,;]+)?)([A-Za-z_]+)\s*[:=]((?:[\s,;]+[-+\d.eEna]+)+)[\s,;]*\Z"
 )
 _LONG = 80  # characters: no label has as many
+_ENDLESS = re.compile(r"(?<!\w)\w{10000}|[\[({]{1000}")  # the time of many patterns grows with its square
 
 
 def decoded(file: Path) -> str:
@@ -175,6 +176,11 @@ def _in_utf16(raw: bytes, file: Path, name: str) -> str:
 
 def of_text(text: str, path: str | Path = "the log") -> Table:
     """Return a text as a table in normal form; errors as of `read_table`."""
+    if endless := _ENDLESS.search(text):
+        raise ReadingError(
+            f"{path}: line {text.count(chr(10), 0, endless.start()) + 1}: {len(endless.group())} characters and more "
+            f"without an end ({endless.group()[:10]}...); damaged, or no log: take them out"
+        )
     return with_retries(text, lambda strays: _with_lines(_of_lines(text, path, strays), text))
 
 

@@ -34,6 +34,7 @@ _FLOOD, _FLOOD_S, _FLOOD_SCANS = 1.5, 0.4, 20  # times the rate asked for, in tw
 _SLOW, _SLOW_SCANS = 1.5, 4  # times the period asked for, likewise
 _GAP = 16  # missing scans in a row, after which another device may send
 _LONG = 1.5  # times the period that reading the strips may take
+_OTHER_SUPPLY = 0.2  # of Vref: a device measures its supply by a reference of 10 %, and USB gives 5 V to 10 %
 # A reader that waited for a fifth of a period, within these limits [s], was waiting for the scans.
 _PROMPT_S = (0.0002, 0.02)
 
@@ -135,7 +136,7 @@ class SerialSource:
         self._due: int | None = None  # the number after the last scan's
         self._held: _HeldScans | None = None
         self._troubles = Troubles(lambda text: self.on_message(text))
-        self._odd = 0
+        self._odd, self._late = 0, self.hello.late
         self._started_s = -_START_S
         self._flood_s, self._flood_scans, self._flooded = 0.0, 0, False
         self._slow_from: _WindowStart | None = None
@@ -178,6 +179,7 @@ class SerialSource:
         """Yield the scans of one connection, their times by the computer's clock."""
         self._clock.restart()
         self._troubles.reconnected()
+        self._check_supply(self.hello, self._host())
         self._start()
         self._held = None
         self._run, self._due = self._decoder.counts.restarts, None
@@ -204,6 +206,11 @@ class SerialSource:
                     self._troubles.say("echo", "commands come back on the line: is an echo on?", now_s)
                 if isinstance(message, Hello):
                     check_unit(message, self.hello)
+                    self._check_supply(message, now_s)
+                    if message.late > self._late:
+                        text = f"{message.late - self._late} scan(s) began a period or more too late, says the device"
+                        self._troubles.say("late", f"{text}; ask for a lower rate", now_s)
+                    self._late = message.late
                     if not message.streaming:
                         identified = True
                         if streaming:
@@ -382,6 +389,13 @@ class SerialSource:
         for command in self._troubles.unanswered(now_s):
             if command.kind == Kind.RATE and command.sequence <= 2:
                 self._write(Kind.RATE, command.period_us)
+
+    def _check_supply(self, hello: Hello, now_s: float) -> None:
+        """Report a supply that cannot be the spec's Vref; 0 is one that was not measured."""
+        vref_volt, supply_volt = unit_of(self.sensor).vref_volt, 1e-3 * hello.supply_mv
+        if supply_volt and abs(supply_volt / vref_volt - 1.0) > _OTHER_SUPPLY:
+            text = f"the device's supply is {supply_volt:.3g} V, and the spec says vref_volt = {vref_volt:g}"
+            self._troubles.say("supply", f"{text}: all volts go by the spec; mend it, or the supply", now_s)
 
     def _check_rate(self, scans: int, now_s: float) -> None:
         """Report a device that sends more scans than it was asked for, for longer than what had waited takes."""
