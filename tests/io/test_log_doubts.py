@@ -215,6 +215,18 @@ def test_a_number_that_has_lost_a_digit_is_doubted(odd: str) -> None:
     assert doubt.startswith(f"line 8, s0: {odd.strip()} is not written as the other numbers")
 
 
+@pytest.mark.parametrize(("column", "odd"), [(1, "\u0663"), (2, "\u0966.\u096b")])
+def test_a_number_in_other_digits_than_its_column_is_refused(column: int, odd: str) -> None:
+    rows = [[f"{n / 50:.2f}", *(repr(1.25 + s / 8 + n / 128) for s in range(4))] for n in range(12)]
+    propose(of_text("\n".join(["t [s],s0,s1,s2,s3", *map(",".join, rows)])), ONE, {})
+    rows[6][column] = odd
+    table = of_text("\n".join(["t [s],s0,s1,s2,s3", *map(",".join, rows)]))
+    with pytest.raises(
+        ts.ReadingError, match=f"line 8, .*: '{odd}' is in other digits than the other numbers"
+    ):
+        propose(table, ONE, {})
+
+
 def test_numbers_that_are_shortened_are_not_doubted() -> None:
     rows = [
         [f"{n / 50:.2f}", *(repr(round(1.21 + s / 10 + n / 1000, 3)) for s in range(4))] for n in range(9)
