@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import unicodedata
 from collections import Counter
 from collections.abc import Iterator
 
@@ -47,14 +46,12 @@ def raise_doubts(clues: Clues, mapping: ColumnMapping) -> None:
     Raises
     ------
     ReadingError
-        A number in other digits than its column's.
         Readings of two units in one log, columns of a unit that is none of readings, another Vref than the spec's.
     """
     if "unit" not in clues.answers:
         noise = "untouched" in {*clues.answers, *(q.key for q in clues.questions)}  # small ones may be that
         _of_one_unit(clues, mapping, only_lost=noise)
         _of_known_units(clues, mapping)
-    _of_one_script(clues, mapping)
     _written_alike(clues, mapping)
     _vref(clues)
     _attenuated(clues)
@@ -129,29 +126,6 @@ def _of_one_unit(clues: Clues, mapping: ColumnMapping, only_lost: bool) -> None:
         f"{shown}{more}: the other readings lie from {others[0]:g} to {others[-1]:g}; is a decimal point lost, or are "
         "these in another unit? Mend them, or say --answer unit=V (mV, code, ...) if all are in it as they stand"
     )
-
-
-def _of_one_script(clues: Clues, mapping: ColumnMapping) -> None:
-    """Refuse few numbers in digits of another script, or base 16, than all others of their column."""
-    for name in filter(None, (mapping.time, *mapping.columns)):
-        texts = zip(clues.table.lines, clues.table.column(name), strict=True)
-        read = [(line, text, _digits(text)) for line, text in texts if any(c.isdigit() for c in text)]
-        usual = Counter(digits for *_, digits in read).most_common(1)[0][0] if read else ""
-        odd = [(line, text) for line, text, digits in read if digits != usual and text.strip() != "0"]
-        if 0 < len(odd) <= max(1.0, _FEW * len(read)) and len(read) > 2:
-            line, text = odd[0]
-            raise ReadingError(
-                f"line {line}, {name}: {text.strip()!r} is in other digits than the other numbers there; is it one? "
-                "Mend it, or empty it"
-            )
-
-
-def _digits(text: str) -> str:
-    """Return what a number is written in: "0x", or the 0 of its script."""
-    if text.strip().casefold().startswith("0x"):
-        return "0x"
-    digit = next(c for c in text if c.isdigit())
-    return chr(ord(digit) - unicodedata.digit(digit))
 
 
 def _written_alike(clues: Clues, mapping: ColumnMapping) -> None:
