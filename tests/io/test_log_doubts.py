@@ -15,6 +15,7 @@ from tacstrip.cli import cli
 from tacstrip.io.log_import.containers import read_table
 from tacstrip.io.log_import.guess import Proposal, propose
 from tacstrip.io.log_import.questions import Unanswered
+from tacstrip.io.log_import.scans import scans
 from tacstrip.io.log_import.text import of_text
 
 ONE = ts.Sensor(construction="crs-m", strips=4, pitch_mm=6.0, length_mm=80.0, vref_volt=3.3)
@@ -213,6 +214,24 @@ def test_a_number_that_has_lost_a_digit_is_doubted(odd: str) -> None:
     rows[6][1] = odd
     (doubt,) = propose(of_text("\n".join(["t [s],s0,s1,s2,s3", *map(",".join, rows)])), ONE, {}).doubts
     assert doubt.startswith(f"line 8, s0: {odd.strip()} is not written as the other numbers")
+
+
+@pytest.mark.parametrize(("column", "odd"), [(1, "\u0663"), (2, "\u0966.\u096b")])
+def test_a_number_in_other_digits_than_its_column_is_refused(column: int, odd: str) -> None:
+    rows = [[f"{n / 50:.2f}", *(repr(1.25 + s / 8 + n / 128) for s in range(4))] for n in range(12)]
+    mapping = propose(of_text("\n".join(["t [s],s0,s1,s2,s3", *map(",".join, rows)])), ONE, {}).mapping
+    rows[6][column] = odd
+    table = of_text("\n".join(["t [s],s0,s1,s2,s3", *map(",".join, rows)]))
+    with pytest.raises(
+        ts.ReadingError, match=f"line 8, .*: '{odd}' is in other digits than the other numbers"
+    ):
+        propose(table, ONE, {})
+    with pytest.raises(ts.ReadingError, match="is in other digits"):
+        scans(table, mapping)
+    rows[6][column], rows[6][0] = rows[5][column], "0x3C"
+    table = of_text("\n".join(["t [s],s0,s1,s2,s3", *map(",".join, rows)]))
+    with pytest.raises(Unanswered, match=r"line\(s\) 8 .* are not like the others"):
+        propose(table, ONE, {})
 
 
 def test_numbers_that_are_shortened_are_not_doubted() -> None:

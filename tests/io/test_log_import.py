@@ -422,6 +422,15 @@ def test_a_mapping_is_written_and_reads_the_next_log(tmp_path: Path) -> None:
         ColumnMapping.load(tmp_path / "bad.toml")
 
 
+@pytest.mark.parametrize("number", ["--1", "\u00b2", "\u0663", "1_0", ""])
+def test_a_mapping_with_a_strip_that_is_no_number_is_refused(tmp_path: Path, number: str) -> None:
+    (tmp_path / "bad.toml").write_text(
+        f'format = 1\nunit = "V"\nstrips = 4\n[columns]\na = "{number}:h"\n', encoding="utf-8"
+    )
+    with pytest.raises(ts.OptionError, match='or "3:h" for a column of strip 3'):
+        ColumnMapping.load(tmp_path / "bad.toml")
+
+
 def test_the_verb_writes_readings_a_recording_and_the_mapping(tmp_path: Path) -> None:
     sensor, text = FORMS["channels a and b in percent"]
     sensor.save(tmp_path / "s.toml")

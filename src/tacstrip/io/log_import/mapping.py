@@ -164,7 +164,9 @@ class ColumnMapping:
             )
         for name, what in self.columns.items():
             strip, colon, channel = what.rpartition(":")
-            if (channel not in CHANNELS and not self.which) or (colon and not strip.lstrip("-").isdigit()):
+            if (channel not in CHANNELS and not self.which) or (
+                colon and not re.fullmatch("-?[0-9]+", strip)
+            ):
                 raise OptionError(
                     f'{place}: {name} = {what!r}; write "h", "l" or "out", or "3:h" for a column of strip 3'
                 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
+import unicodedata
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -22,6 +23,7 @@ from tacstrip.io.log_import.table import Table
 _DAY_S = 86400.0
 _HALF_HOUR_S = 1800.0
 _FEW_FALLS = 0.34  # of the scans: where the time falls more often, the log is unsorted
+_FEW_ODD = 0.05  # of a column's numbers: more are no slip of single fields
 _FEW_SCANS = 4  # of fewer, equal times tell nothing
 _LONG_AGO = 1e8  # of any unit: a time that does not count from the log's start
 _A_PERIOD = 0.97  # of the time from scan to scan: lines of one scan, each with its own time, are less apart
@@ -76,6 +78,7 @@ def scans(table: Table, mapping: ColumnMapping, dropped: list[int] | None = None
             f"line {table.absent} lacks a value that others have; if it is no contact, --answer missing=untouched"
         )
     table = table.where(mapping.only)
+    _check_digits(table, mapping)
     ordered, times = _in_order(table, _times(table, mapping), mapping)
     found = list(_scans(ordered, times, mapping, [] if dropped is None else dropped, ordered is not table))
     if not found:
@@ -129,6 +132,31 @@ def _check_repeated(found: list[LogScan]) -> None:
         raise ReadingError(
             f"line {after.line} has the time and the readings of line {before.line}: take one of them out"
         )
+
+
+def _check_digits(table: Table, mapping: ColumnMapping) -> None:
+    """Refuse few numbers in digits of another script, or base 16, than all others of their column."""
+    for name in filter(None, (mapping.time, *mapping.columns)):
+        texts = table.column(name)
+        if not any("0x" in text or "0X" in text or not text.isascii() for text in texts):
+            continue
+        read = [(n, text, _digits(text)) for n, text in enumerate(texts) if any(c.isdigit() for c in text)]
+        usual = Counter(digits for *_, digits in read).most_common(1)[0][0] if read else ""
+        odd = [(n, text) for n, text, digits in read if digits != usual and text.strip() != "0"]
+        if len(read) > 2 and 0 < len(odd) <= max(1.0, _FEW_ODD * len(read)):
+            n, text = odd[0]
+            raise ReadingError(
+                f"line {table.lines[n]}, {name}: {text.strip()!r} is in other digits than the other numbers there; is "
+                "it one? Mend it, or empty it"
+            )
+
+
+def _digits(text: str) -> str:
+    """Return what a number is written in: "0x", or the 0 of its script."""
+    if text.strip().casefold().startswith("0x"):
+        return "0x"
+    digit = next(c for c in text if c.isdigit())
+    return chr(ord(digit) - unicodedata.digit(digit))
 
 
 def raw_times(table: Table, mapping: ColumnMapping) -> FloatArray:
