@@ -21,8 +21,9 @@ from tacstrip.reconstruction.noise_covariance import CorrelatedErrors
 from tacstrip.reconstruction.pieces.chain import Cut
 from tacstrip.reconstruction.pieces.pair import Ends, Pair, likeliest_pair
 from tacstrip.reconstruction.pieces.run import RunPieces, noise_level, split_run
-from tacstrip.reconstruction.polygon.convexity import fit_convex, inward_corners, one_end_off
-from tacstrip.reconstruction.polygon.run import RunFit, residual_sums
+from tacstrip.reconstruction.polygon.convexity import fit_convex, inward_corners
+from tacstrip.reconstruction.polygon.faulty_channel import contradictory, one_end_off
+from tacstrip.reconstruction.polygon.run import MOST_SIGMA, RunFit, residual_sums
 from tacstrip.sensor.spec import Sensor
 
 _ALARM = 3.5  # standard deviations of a test's statistic
@@ -40,7 +41,6 @@ _NEARLY = 0.9  # IoU with convex ends that explain the readings
 _NOISIER = 3.0  # times the noise given: neighbours that differ by so much are noise, not jumps
 # Of what a polygon leaves over: neighbours that differ so little say that it follows them badly.
 _SMOOTHED = 0.7
-MOST_SIGMA = 0.02  # of Vref: no noise that is not given is larger
 _SPREAD = {"uniform": 0.8, "normal": 2.0}  # variance of a squared error over sigma^4
 
 
@@ -160,7 +160,8 @@ def second_look(
             sigma = min(sigma, level)
         elif level > _NOISIER * sigma:
             return wrong, None  # of readings that scatter more than the noise given, jumps tell nothing
-    if not (wrong or np.count_nonzero(run.excluded) or inward or sigma < _SMOOTHED * run.sigma) or (
+    open_ = np.count_nonzero(run.excluded & ~contradictory(run, sensor, readings))
+    if not (wrong or open_ or inward or sigma < _SMOOTHED * run.sigma) or (
         distribution is None and run.sigma > MOST_SIGMA
     ):
         return wrong, None
