@@ -12,6 +12,7 @@ from tacstrip.arrays import FloatArray
 from tacstrip.core.convex_chain import convex_regression
 from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.core.problem import FitProblem
+from tacstrip.reconstruction.polygon.chi_square import squares_score
 
 _POINTS = 60  # at most, that the regression sees: a mean of a convex function's neighbours is convex too
 _ROUNDS = 3  # of l with u as it is, and u with l
@@ -38,9 +39,7 @@ class ConvexFit:
     @property
     def explains(self) -> bool:
         """Whether noise explains what it leaves over of the readings."""
-        small = 2.0 / (9.0 * self.freedom)
-        score = ((self.chi_square / self.freedom) ** (1.0 / 3.0) - (1.0 - small)) / math.sqrt(small)
-        return bool(score <= _ALARM)
+        return squares_score(self.chi_square, self.freedom) <= _ALARM
 
 
 def fit_convex(problem: FitProblem, l: FloatArray, u: FloatArray) -> ConvexFit:

@@ -6,7 +6,6 @@ makes; a second object, or an overhang, moves one. The strip's other reading dec
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -15,10 +14,12 @@ import numpy as np
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.core.model_selection import per_vertex_penalty
 from tacstrip.reconstruction.contact_ends import closed_ends
+from tacstrip.reconstruction.polygon.chi_square import squares_score
+from tacstrip.reconstruction.polygon.convexity import inward_corners
 from tacstrip.reconstruction.polygon.run import CHECKS, MOST_SIGMA, RunFit
 from tacstrip.sensor.spec import Sensor
 
-_GAP = 0.02  # of L: objects nearer to each other are one
+_GAP = 0.02  # of L: objects nearer to each other are one, and what moves an end by less may be a stray error
 _STAYS, _RAIL = 4.0, 3.0  # deviations: an end is where it was; a reading is none of ground or Vref
 _OUTER = 3  # strips at either end
 _MOST_STRIPS = 24  # on more, neighbours tell the noise whatever one channel reads
@@ -54,10 +55,11 @@ def contradictory(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray
     """
     if len(run.excluded) < 2 or not np.count_nonzero(run.excluded) or run.freedom < CHECKS:
         return np.zeros_like(run.excluded)
-    deviations = _Moved.of(run, sensor, readings).deviations
+    moved = _Moved.of(run, sensor, readings)
     with np.errstate(invalid="ignore"):
         crossed = readings["kh"] < readings["kl"] - 2.0 * _STAYS * run.sigma
-        none = crossed | (deviations.min(axis=0) > _STAYS)
+        both = (moved.deviations.min(axis=0) > _STAYS) & (np.abs(moved.off).max(axis=0) >= _GAP)
+        none = crossed | both
     return np.asarray(run.excluded & none & (run.excluded.sum(axis=0) == 1))
 
 
@@ -71,7 +73,7 @@ def without_one(
     """Return a fit of few strips without the one reading that contradicts all others, where a fit shows it; else `run`.
 
     On few strips a fault hides among its neighbours, which it makes look odd, and makes noise that is estimated look as
-    large as itself. So each reading of a fit that is not content is left out by itself.
+    large as itself. So where a fit does not explain its readings each of them is left out by itself.
 
     Parameters
     ----------
@@ -85,12 +87,7 @@ def without_one(
     n = run.problem.x.size
     if len(run.problem.k) == 1 or run.selection is None or n > _MOST_STRIPS:
         return run
-    if sigma_known:
-        content = run.residual_sums[0] <= run.freedom + _ALARM * math.sqrt(2.0 * max(run.freedom, 0))
-        content &= not np.count_nonzero(run.excluded)
-    else:
-        content = run.sigma <= MOST_SIGMA and run.model_mm.height > 0.0
-    if content:
+    if _content(run, sensor, readings, sigma_known):
         return run
     places = np.argwhere(np.isfinite([*readings.values()]))
     tried = []
@@ -116,7 +113,21 @@ def without_one(
     return fits[best] if contradictory(fits[best], sensor, readings).any() else run
 
 
+def _content(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray], sigma_known: bool) -> bool:
+    """Whether a fit explains all readings but some that no contact makes, and not by a dent that a fault makes too."""
+    if not sigma_known:
+        return run.sigma <= MOST_SIGMA and run.model_mm.height > 0.0
+    if squares_score(run.residual_sums[0], run.freedom) > _ALARM:
+        return False
+    if not np.count_nonzero(run.excluded):
+        return True
+    assert run.selection is not None
+    sure = contradictory(run, sensor, readings)
+    return bool((run.excluded == sure).all()) and not any(inward_corners(run.selection.chosen))
+
+
 def _cost(run: RunFit, sigma_known: bool) -> float:
+    """Return what fits are compared by that leave one reading out each."""
     return run.penalised_cost(1.0) if sigma_known else run.sigma
 
 

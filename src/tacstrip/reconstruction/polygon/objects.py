@@ -127,12 +127,7 @@ def reconstruct_object(
         Mean and standard deviation of the contact's area, where that is known.
     """
     strips, run = contact.strips, contact.run
-    faulty = contradictory(run, sensor, contact.readings)
-    names = tuple(
-        channel_name((i + contact.fitted.start) % around, scan.signatures[s], sensor.strip_base)
-        for s, i in np.argwhere(faulty)
-    )
-    notes = _notes(scan, sensor, contact, around, noise is not None, faulty)
+    notes = _notes(scan, sensor, contact, around, noise is not None, np.zeros_like(run.excluded))
     x = sensor.x_mm[strips]
     if run.selection is None:
         few = f"{strips.stop - strips.start} strips are touched, too few for a polygon: use finer strips"
@@ -205,6 +200,7 @@ def reconstruct_object(
     # A confidence takes the readings for explained, if by others than the fit.
     explained = not wrong or (wrong == uncounted and assessed.better is not None)
     confidence, alternatives = assessed.confidence if explained else None, assessed.alternatives
+    note = ""
     if pair is not None:
         right = pair.overlap(outline.vertices) >= PROMISED_IOU
         one = 1.0 if right else 1.0 - pair.probability
@@ -215,7 +211,11 @@ def reconstruct_object(
         alternatives = tuple(sorted((two, *rest), key=lambda a: -a.weight))
         if not wrong:
             wrong, note = _two_objects(pair.probability, right, sure)
-            notes.insert(0, note)
+    faulty = np.zeros_like(run.excluded)
+    if (
+        not wrong and (faulty := contradictory(run, sensor, contact.readings)).any()
+    ):  # else it may be the outline
+        notes = _notes(scan, sensor, contact, around, noise is not None, faulty)
     enough = ENOUGH if not second else _NEVER if never else ENOUGH_OF_ONE
     status, advice = _verdict(wrong, weak, assessed, effort, second, averaging, area_mm2 is not None, enough)
     profile = (x, np.interp(x, *outline.lower.T), np.interp(x, *outline.upper.T))
@@ -225,13 +225,16 @@ def reconstruct_object(
         profile,
         covariance,
         status,
-        "; ".join(filter(None, [*advice, *notes])),
+        "; ".join(filter(None, [*advice, note, *notes])),
         guarantee=guarantee,
         uniform=_upright(outline, covariance, sensor) if isinstance(model, PolygonFit) else (),
         model=None if isinstance(model, PolygonFit) else type(model),
         confidence=confidence,
         alternatives=alternatives,
-        faulty=names,
+        faulty=tuple(
+            channel_name((i + contact.fitted.start) % around, scan.signatures[s], sensor.strip_base)
+            for s, i in np.argwhere(faulty)
+        ),
     )
 
 
