@@ -21,7 +21,8 @@ from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.cramer_rao import vertex_covariance, vertex_jacobian
 from tacstrip.sensor.calibration import Calibration
 from tacstrip.sensor.channel import Channel
-from tacstrip.sensor.left_out import leave_out, left_out
+from tacstrip.sensor.constructions import SIGNATURES
+from tacstrip.sensor.left_out import channel_name, leave_out, left_out
 from tacstrip.sensor.raw import apply_calibration, touched
 from tacstrip.sensor.surface import Surface
 from tacstrip.stream import decode, encode
@@ -135,6 +136,49 @@ def test_a_faulty_channel_is_found_where_its_partner_shows_it() -> None:
             assert found.status == left.status
             assert "strip 5 (" in found.advice
             np.testing.assert_allclose(found.objects[0].vertices, left.objects[0].vertices, atol=1e-6)
+
+
+@pytest.mark.parametrize("noise", [NOISE, None], ids=["told", "unknown"])
+@pytest.mark.parametrize(
+    ("strip", "name", "value"),
+    [(5, "kh", 0.0), (3, "kh", 0.95), (6, "kl", 0.1), (2, "kl", 0.5), (5, "kh", 0.35)],
+)
+def test_a_faulty_channel_that_nobody_named_costs_its_own_reading(
+    strip: int, name: str, value: float, noise: ts.Noise | None
+) -> None:
+    """Where noise is estimated it passed for noise, and the result was a line."""
+    (found,) = ts.fit_polygon(scan_with(value, strip, name), SENSOR, noise).objects
+    (left,) = ts.fit_polygon(scan_with(np.nan, strip, name), SENSOR, noise).objects
+    assert (found.status, left.status) == (SURE, SURE)
+    assert found.faulty == (channel_name(strip, name, 1),)
+    assert f"strip {strip + 1} ({SIGNATURES[name].symbol} = {value:.3g})" in found.advice
+    assert "press elsewhere and run the doctor" in found.advice
+    assert ts.mismatch(left.vertices, found.vertices).iou > 0.95
+
+
+def test_a_faulty_channel_says_nothing_of_untouched_strips() -> None:
+    """An untouched strip with readings contradicts the others in both."""
+    contact = ts.Contact.polygon([(1, 38), (48, 12), (99, 45), (60, 88)])
+    scan = ts.simulate(SENSOR, contact, NOISE, rng=1)
+    assert scan.touched.all()
+    kh = scan["kh"].copy()
+    kh[5] = 1.0
+    (found,) = ts.fit_polygon(ts.Scan(kh=kh, kl=scan["kl"]), SENSOR, NOISE).objects
+    assert (found.status, found.faulty) == (SURE, ("6:v_h",))
+    assert "every strip has a reading" not in found.advice
+
+
+@pytest.mark.parametrize("noise", [NOISE, None], ids=["told", "unknown"])
+@pytest.mark.parametrize("strip", [1, 2, 3, 5])
+@pytest.mark.parametrize(("low", "high"), [(70, 75), (92, 98), (2, 6)])
+def test_a_second_object_on_one_strip_is_no_faulty_channel(
+    strip: int, low: float, high: float, noise: ts.Noise | None
+) -> None:
+    x = float(SENSOR.x_mm[strip])
+    one = ts.Contact.polygon([(2, 48), (48, 22), (99, 45), (60, 66)])
+    other = ts.Contact.polygon([(x - 4, low), (x + 4, low), (x + 4, high), (x - 4, high)])
+    (found,) = ts.fit_polygon(ts.simulate(SENSOR, one + other, NOISE, rng=strip), SENSOR, noise).objects
+    assert (found.status, found.faulty) == ("doubtful", ())
 
 
 def test_a_whole_signature_may_be_missing() -> None:

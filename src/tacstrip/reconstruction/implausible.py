@@ -33,7 +33,8 @@ _ODDS = 4.0  # logarithm of the odds beyond which readings are taken for another
 
 def doubt_implausible(result: Reconstruction, scan: Scan, sensor: Sensor) -> Reconstruction:
     """Return the result; where the readings are implausible "doubtful" in place of "ok", and with advice."""
-    failed = result.status not in ("ok", "likely") or bool(result.advice)
+    # An untouched strip with readings contradicts the others in both, a faulty channel in one.
+    failed = result.status not in ("ok", "likely") or any(o.advice and not o.faulty for o in result.objects)
     hint = implausible_hint(scan, sensor, failed, [o.vertices for o in result.objects])
     if not hint and not sensor.without:
         return result

@@ -135,6 +135,8 @@ class RecoveredObject(Drawn):
         Of a piece that is hidden in part: the smallest and the largest outline (M, 2) [mm] that it can have.
     on_skin
         On a curved skin (`[surface]` in the spec): the outline in space; `area` is then that of the skin.
+    faulty
+        Channels that were not used, such as "7:v_h": no contact that the others agree on makes their readings.
 
     Raises
     ------
@@ -173,6 +175,7 @@ class RecoveredObject(Drawn):
     hidden_edges: BoolArray | None = None
     bounds: tuple[FloatArray, FloatArray] | None = None
     on_skin: OnSkin | None = None
+    faulty: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.covariance is not None and self.covariance.shape != (2 * len(self.vertices),) * 2:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -13,16 +12,11 @@ from tacstrip.arrays import FloatArray
 from tacstrip.core.convex_chain import convex_regression
 from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.core.problem import FitProblem
-from tacstrip.reconstruction.contact_ends import closed_ends
-from tacstrip.reconstruction.polygon.run import CHECKS, RunFit
-from tacstrip.sensor.spec import Sensor
+from tacstrip.reconstruction.polygon.chi_square import squares_score
 
 _POINTS = 60  # at most, that the regression sees: a mean of a convex function's neighbours is convex too
 _ROUNDS = 3  # of l with u as it is, and u with l
 _HELD = 1e4  # times the largest weight: of an end where l and u meet
-_GAP = 0.02  # of L: objects nearer to each other are one
-_STAYS, _RAIL = 4.0, 3.0  # deviations: an end is where it was; a reading is none of ground or Vref
-_OUTER = 3  # strips at either end
 _ALARM = 3.09  # deviations of chi square: p = .001
 
 
@@ -46,9 +40,7 @@ class ConvexFit:
     @property
     def explains(self) -> bool:
         """Whether noise explains what it leaves over of the readings."""
-        small = 2.0 / (9.0 * self.freedom)
-        score = ((self.chi_square / self.freedom) ** (1.0 / 3.0) - (1.0 - small)) / math.sqrt(small)
-        return bool(score <= _ALARM)
+        return squares_score(self.chi_square, self.freedom) <= _ALARM
 
 
 def fit_convex(problem: FitProblem, l: FloatArray, u: FloatArray) -> ConvexFit:
@@ -106,33 +98,3 @@ def inward_corners(fit: PolygonFit) -> tuple[list[float], list[float]]:
 
 def _slope(run: float, rise: float) -> float:
     return rise / run if run else math.copysign(math.inf, rise) if rise else math.nan
-
-
-def one_end_off(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray]) -> bool:
-    """Whether readings were left out of a strip where one end of the contact, and no more, would lie elsewhere.
-
-    A faulty channel moves both ends, or to where none can be; a second object, or an overhang, moves one. (At the
-    sensor's border a fault that leaves a reading off ground and Vref does so too, which is rare.) Amid strips that
-    agree none touches a single strip; where few readings are left to check, nothing tells.
-    """
-    if not np.count_nonzero(run.excluded):
-        return False
-    problem, selection = run.problem, run.selection
-    assert selection is not None
-    kh, kl = readings["kh"], readings["kl"]
-    l, u = selection.chosen.ends(problem.x)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        off = np.stack(closed_ends(sensor, kh, kl)) / sensor.length_mm - [l, u]
-        by_l, by_u, _ = problem.jacobian(l, u)
-        # A column of the inverse Jacobian's rows: how far both readings' errors move l, and u.
-        spread = np.stack([np.hypot(*by_u), np.hypot(*by_l)]) / np.abs(by_l[0] * by_u[1] - by_l[1] * by_u[0])
-        deviations = np.abs(off) / (run.sigma * spread)
-        rail = _RAIL * run.sigma
-        read = np.stack([kh, kl])
-        inside = (kh > kl) & ~(run.excluded & ((read <= rail) | (read >= 1.0 - rail))).any(axis=0)
-    left_out = run.excluded.any(axis=0) & inside
-    one = (deviations.min(axis=0) <= _STAYS) & (deviations.max(axis=0) >= 2.0 * _STAYS)
-    one &= np.abs(off).max(axis=0) >= _GAP
-    beside = np.pad(left_out & one, 1)
-    one[_OUTER:-_OUTER] &= (beside[:-2] | beside[2:])[_OUTER:-_OUTER]
-    return bool((left_out & (one | (run.freedom < CHECKS))).any())

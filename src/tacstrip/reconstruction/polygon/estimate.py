@@ -5,7 +5,7 @@ The vertices' number is chosen by a criterion, their places by the fit, and the 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from threading import Lock
@@ -21,6 +21,7 @@ from tacstrip.errors import OptionError
 from tacstrip.reconstruction.implausible import doubt_implausible
 from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
 from tacstrip.reconstruction.on_surface import on_surface, refuse_surface
+from tacstrip.reconstruction.polygon.faulty_channel import without_one
 from tacstrip.reconstruction.polygon.objects import FittedContact, reconstruct_object
 from tacstrip.reconstruction.polygon.run import RunFit, RunReadings, fit_run, fit_runs, should_merge
 from tacstrip.reconstruction.posterior.assessment import Effort, check_effort
@@ -261,14 +262,21 @@ def _contacts(
         fitted, margin_mm = fitted_strips(sensor, strips)
         own = scan.read_on(strips)
         measured = readings = {name: own[name][fitted] for name in own.signatures}
-        if run is None:
-            run = fit_run(sensor, sensor.x_mm[fitted], readings, sigma, max_vertices, vertices, margin_mm)
+        x = sensor.x_mm[fitted]
+
+        def runs_of(many: Sequence[Mapping[str, FloatArray]]) -> list[RunFit]:
+            tasks = [RunReadings(x, each, sigma, margin_mm) for each in many]
+            return fit_runs(sensor, tasks, max_vertices, vertices)
+
+        def checked(run: RunFit) -> RunFit:
+            return without_one(runs_of, run, sensor, readings, sigma is not None)
+
+        run = checked(runs_of([readings])[0] if run is None else run)
         for _ in range(_ROUNDS if sensor.strip_width_mm else 0):
             if (outline := run.outline) is None:
                 break
-            x = sensor.x_mm[fitted]
             readings = remove_width_effect(sensor, outline, x, measured)
-            run = fit_run(sensor, x, readings, sigma, max_vertices, vertices, margin_mm)
+            run = checked(runs_of([readings])[0])
         run = run if sigma is not None else _at_least_a_step(run, sensor)
         return FittedContact(strips, missing, fitted, readings, margin_mm, vertices, run)
 

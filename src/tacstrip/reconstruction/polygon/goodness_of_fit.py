@@ -21,8 +21,10 @@ from tacstrip.reconstruction.noise_covariance import CorrelatedErrors
 from tacstrip.reconstruction.pieces.chain import Cut
 from tacstrip.reconstruction.pieces.pair import Ends, Pair, likeliest_pair
 from tacstrip.reconstruction.pieces.run import RunPieces, noise_level, split_run
-from tacstrip.reconstruction.polygon.convexity import fit_convex, inward_corners, one_end_off
-from tacstrip.reconstruction.polygon.run import RunFit, residual_sums
+from tacstrip.reconstruction.polygon.chi_square import squares_score
+from tacstrip.reconstruction.polygon.convexity import fit_convex, inward_corners
+from tacstrip.reconstruction.polygon.faulty_channel import contradictory, one_end_off
+from tacstrip.reconstruction.polygon.run import MOST_SIGMA, RunFit, residual_sums
 from tacstrip.sensor.spec import Sensor
 
 _ALARM = 3.5  # standard deviations of a test's statistic
@@ -40,22 +42,11 @@ _NEARLY = 0.9  # IoU with convex ends that explain the readings
 _NOISIER = 3.0  # times the noise given: neighbours that differ by so much are noise, not jumps
 # Of what a polygon leaves over: neighbours that differ so little say that it follows them badly.
 _SMOOTHED = 0.7
-MOST_SIGMA = 0.02  # of Vref: no noise that is not given is larger
-_SPREAD = {"uniform": 0.8, "normal": 2.0}  # variance of a squared error over sigma^4
 
 
 def chi_square_score(residuals: FloatArray, freedom: int, distribution: str) -> float:
     """Return how many standard deviations the squared residuals exceed what sigma allows."""
-    return _chi_square_score(float((residuals**2).sum()), freedom, distribution)
-
-
-def _chi_square_score(squares: float, freedom: int, distribution: str) -> float:
-    if freedom < 1:
-        return 0.0
-    # Wilson and Hilferty's cube root makes chi square nearly normal; a uniform error's square spreads less.
-    root = (squares / freedom) ** (1.0 / 3.0)
-    small = _SPREAD[distribution] / (9.0 * freedom)
-    return float((root - (1.0 - small)) / math.sqrt(small))
+    return squares_score(float((residuals**2).sum()), freedom, distribution)
 
 
 def autocorrelation_score(residuals: FloatArray, readings: int) -> float:
@@ -77,7 +68,7 @@ def explains(run: RunFit, distribution: str, outline: Outline) -> bool:
         run.problem.readings,
     )
     # It follows the noise less than least squares does, so that nothing is taken off the freedom.
-    score = _chi_square_score(sums[0], readings, distribution)
+    score = squares_score(sums[0], readings, distribution)
     return max(score, _autocorrelation_score(*sums, readings)) <= _ALARM
 
 
@@ -101,7 +92,7 @@ def misfit(
     if errors is not None:
         residuals, freedom = errors.whitened(covariance)
         squares, pairs = residual_sums(residuals)
-    if distribution is not None and _chi_square_score(squares, freedom, distribution) > _ALARM:
+    if distribution is not None and squares_score(squares, freedom, distribution) > _ALARM:
         times = math.sqrt(squares / freedom)
         return (
             f"the readings are {times:.3g} times as far from the best outline as the noise explains: the contact "
@@ -160,7 +151,8 @@ def second_look(
             sigma = min(sigma, level)
         elif level > _NOISIER * sigma:
             return wrong, None  # of readings that scatter more than the noise given, jumps tell nothing
-    if not (wrong or np.count_nonzero(run.excluded) or inward or sigma < _SMOOTHED * run.sigma) or (
+    open_ = np.count_nonzero(run.excluded & ~contradictory(run, sensor, readings))
+    if not (wrong or open_ or inward or sigma < _SMOOTHED * run.sigma) or (
         distribution is None and run.sigma > MOST_SIGMA
     ):
         return wrong, None

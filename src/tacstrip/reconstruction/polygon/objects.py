@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.contact.noise import Noise
 from tacstrip.core.outline_model import OutlineModel
 from tacstrip.core.polygon_fit import PolygonFit
@@ -24,6 +24,7 @@ from tacstrip.reconstruction.noise_covariance import (
     correlated,
     signature_advice,
 )
+from tacstrip.reconstruction.polygon.faulty_channel import contradictory
 from tacstrip.reconstruction.polygon.goodness_of_fit import explains, misfit, second_look, weakness
 from tacstrip.reconstruction.polygon.run import CHECKS, ModelInMm, RunFit
 from tacstrip.reconstruction.posterior.assessment import (
@@ -42,7 +43,7 @@ from tacstrip.reconstruction.set_membership.estimate import Bounded, fewest
 from tacstrip.scan import Scan
 from tacstrip.sensor.closed_form import lower_from_width
 from tacstrip.sensor.constructions import SIGNATURES
-from tacstrip.sensor.left_out import left_out_wholly
+from tacstrip.sensor.left_out import channel_name, left_out_wholly
 from tacstrip.sensor.spec import Sensor
 
 _THIN = 1e-6  # of the strip length: thinner is a line
@@ -127,7 +128,7 @@ def reconstruct_object(
         Mean and standard deviation of the contact's area, where that is known.
     """
     strips, run = contact.strips, contact.run
-    notes = _notes(scan, sensor, contact, around, noise is not None)
+    notes = _notes(scan, sensor, contact, around, noise is not None, np.zeros_like(run.excluded))
     x = sensor.x_mm[strips]
     if run.selection is None:
         few = f"{strips.stop - strips.start} strips are touched, too few for a polygon: use finer strips"
@@ -200,6 +201,7 @@ def reconstruct_object(
     # A confidence takes the readings for explained, if by others than the fit.
     explained = not wrong or (wrong == uncounted and assessed.better is not None)
     confidence, alternatives = assessed.confidence if explained else None, assessed.alternatives
+    note = ""
     if pair is not None:
         one = 1.0 - pair.probability
         sure = one if confidence is None else one * confidence
@@ -210,7 +212,11 @@ def reconstruct_object(
         if not wrong:
             right = pair.overlap(outline.vertices) >= PROMISED_IOU
             wrong, note = _two_objects(pair.probability, right, sure)
-            notes.insert(0, note)
+    faulty = np.zeros_like(run.excluded)
+    if (
+        not wrong and (faulty := contradictory(run, sensor, contact.readings)).any()
+    ):  # else it may be the outline
+        notes = _notes(scan, sensor, contact, around, noise is not None, faulty)
     enough = ENOUGH if not second else _NEVER if never else ENOUGH_OF_ONE
     status, advice = _verdict(wrong, weak, assessed, effort, second, averaging, area_mm2 is not None, enough)
     profile = (x, np.interp(x, *outline.lower.T), np.interp(x, *outline.upper.T))
@@ -220,12 +226,16 @@ def reconstruct_object(
         profile,
         covariance,
         status,
-        "; ".join(filter(None, [*advice, *notes])),
+        "; ".join(filter(None, [*advice, note, *notes])),
         guarantee=guarantee,
         uniform=_upright(outline, covariance, sensor) if isinstance(model, PolygonFit) else (),
         model=None if isinstance(model, PolygonFit) else type(model),
         confidence=confidence,
         alternatives=alternatives,
+        faulty=tuple(
+            channel_name((i + contact.fitted.start) % around, scan.signatures[s], sensor.strip_base)
+            for s, i in np.argwhere(faulty)
+        ),
     )
 
 
@@ -453,22 +463,31 @@ def _raw_profile(scan: Scan, sensor: Sensor, strips: slice) -> Profile | None:
     return (sensor.x_mm[strips], l, u) if np.isfinite(l + u).all() else None
 
 
-def _notes(scan: Scan, sensor: Sensor, contact: FittedContact, around: int, known: bool) -> list[str]:
-    """Name the strips that were bridged, and the readings that were left out."""
+def _notes(
+    scan: Scan, sensor: Sensor, contact: FittedContact, around: int, known: bool, faulty: BoolArray
+) -> list[str]:
+    """Name the strips that were bridged, and the readings (S, n) that were left out, some as of `faulty` channels."""
     notes, base = [], sensor.strip_base
+
+    def listed(which: BoolArray) -> str:
+        names = []
+        for s, i in np.argwhere(which):
+            signature, strip = scan.signatures[s], i + contact.fitted.start
+            read = f"{SIGNATURES[signature].symbol} = {scan[signature][strip]:.3g}"
+            names.append(f"{strip % around + base} ({read})")
+        return _list(names)
+
     if contact.missing:
         named = left_out_wholly(sensor)
         if missing := [i % around for i in contact.missing if not named[i % around]]:
             names = _list([str(i + base) for i in missing])
             notes.append(f"strip {names} reads nothing inside the contact and was bridged: is it broken?")
-    if np.count_nonzero(contact.run.excluded):
-        names = _list(
-            [
-                f"{(i + contact.fitted.start) % around + base} ({SIGNATURES[scan.signatures[s]].symbol} = "
-                f"{scan[scan.signatures[s]][i + contact.fitted.start]:.3g})"
-                for s, i in np.argwhere(contact.run.excluded)
-            ]
+    if np.count_nonzero(faulty):
+        notes.append(
+            f"strip {listed(faulty)} does not fit its neighbours and was left out: no contact that the others agree on "
+            "reads so, but a faulty channel does; press elsewhere and run the doctor"
         )
+    if np.count_nonzero(open_ := contact.run.excluded & ~faulty):
         others = [
             "a corner, for strips so few? Call the channel stuck only if other scans do, too."
             if contact.run.freedom < CHECKS
@@ -477,7 +496,7 @@ def _notes(scan: Scan, sensor: Sensor, contact: FittedContact, around: int, know
         ]
         guessed = "".join(f" Or is that {other}" for other in others if other)
         notes.append(
-            f"strip {names} does not fit its neighbours and was left out: is a channel stuck?{guessed}"
+            f"strip {listed(open_)} does not fit its neighbours and was left out: is a channel stuck?{guessed}"
         )
     return notes
 

@@ -27,6 +27,7 @@ from tacstrip.robust import robust_sigma
 from tacstrip.sensor.spec import Sensor
 
 CHECKS = 6  # readings beyond the numbers fitted: with fewer little can be tested
+MOST_SIGMA = 0.02  # of Vref: no noise that is not given is larger
 _BEYOND = 0.5  # a reading that noise may drive so far beyond 0 or 1 is still one
 _ROUNDS = 3  # of leaving outliers out, and of estimating sigma anew
 _SURER = 0.3  # so much less noise than first thought is worth another fit

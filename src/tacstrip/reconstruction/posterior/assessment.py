@@ -16,8 +16,7 @@ from tacstrip.core.swept_area import NEARLY_ALL, swept_areas, swept_share
 from tacstrip.errors import OptionError, one_of
 from tacstrip.geometry.metrics import column_iou
 from tacstrip.geometry.outline import Outline
-from tacstrip.reconstruction.polygon.goodness_of_fit import MOST_SIGMA
-from tacstrip.reconstruction.polygon.run import RunFit
+from tacstrip.reconstruction.polygon.run import MOST_SIGMA, RunFit
 from tacstrip.reconstruction.posterior.draws import Draws, column_ends, columns, draw
 from tacstrip.reconstruction.posterior.rounded import RoundedDraws, RoundedOutline, draw_rounded
 from tacstrip.reconstruction.result import Alternative

@@ -1,0 +1,155 @@
+"""A reading that contradicts all others: a faulty channel's, or that of a second object, or of an overhang.
+
+Two readings tell both ends of the contact on a strip. A faulty channel moves both, for its error is none that a contact
+makes; a second object, or an overhang, moves one. The strip's other reading decides: it agrees with all others, or not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.core.model_selection import per_vertex_penalty
+from tacstrip.reconstruction.contact_ends import closed_ends
+from tacstrip.reconstruction.polygon.chi_square import squares_score
+from tacstrip.reconstruction.polygon.convexity import inward_corners
+from tacstrip.reconstruction.polygon.run import CHECKS, MOST_SIGMA, RunFit
+from tacstrip.sensor.spec import Sensor
+
+_GAP = 0.02  # of L: objects nearer to each other are one, and what moves an end by less may be a stray error
+_STAYS, _RAIL = 4.0, 3.0  # deviations: an end is where it was; a reading is none of ground or Vref
+_OUTER = 3  # strips at either end
+_MOST_STRIPS = 24  # on more, neighbours tell the noise whatever one channel reads
+_ALARM = 3.5  # deviations of chi square
+_CLEARER = 5.0  # times smaller, the deviation without the one channel
+_ALONE = 3.0  # times larger, at least, the deviation without any other channel
+
+
+def one_end_off(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray]) -> bool:
+    """Whether readings were left out of a strip where one end of the contact, and no more, would lie elsewhere.
+
+    Amid strips that agree no object touches a single strip; where few readings are left to check, nothing tells. (At
+    the sensor's border a fault that leaves a reading off ground and Vref does so too, which is rare.)
+    """
+    if not np.count_nonzero(run.excluded):
+        return False
+    moved = _Moved.of(run, sensor, readings)
+    read = np.stack([readings["kh"], readings["kl"]])
+    rail = _RAIL * run.sigma
+    with np.errstate(invalid="ignore"):
+        railed = run.excluded & ((read <= rail) | (read >= 1.0 - rail))
+        inside = (read[0] > read[1]) & ~railed.any(axis=0)
+    left_out = run.excluded.any(axis=0) & inside
+    one = (moved.deviations.min(axis=0) <= _STAYS) & (moved.deviations.max(axis=0) >= 2.0 * _STAYS)
+    one &= np.abs(moved.off).max(axis=0) >= _GAP
+    beside = np.pad(left_out & one, 1)
+    one[_OUTER:-_OUTER] &= (beside[:-2] | beside[2:])[_OUTER:-_OUTER]
+    return bool((left_out & (one | (run.freedom < CHECKS))).any())
+
+
+def contradictory(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray]) -> BoolArray:
+    """Return which readings left out (S, n) no contact makes: of strips whose other reading agrees with all strips.
+
+    They move both ends of the contact, or its lower end above the upper one. None with one signature, nor where few
+    readings are left to check.
+    """
+    if len(run.excluded) < 2 or not np.count_nonzero(run.excluded) or run.freedom < CHECKS:
+        return np.zeros_like(run.excluded)
+    moved = _Moved.of(run, sensor, readings)
+    with np.errstate(invalid="ignore"):
+        crossed = readings["kh"] < readings["kl"] - 2.0 * _STAYS * run.sigma
+        both = (moved.deviations.min(axis=0) > _STAYS) & (np.abs(moved.off).max(axis=0) >= _GAP)
+        none = crossed | both
+    return np.asarray(run.excluded & none & (run.excluded.sum(axis=0) == 1))
+
+
+def without_one(
+    runs_of: Callable[[Sequence[Mapping[str, FloatArray]]], list[RunFit]],
+    run: RunFit,
+    sensor: Sensor,
+    readings: Mapping[str, FloatArray],
+    sigma_known: bool,
+) -> RunFit:
+    """Return a fit of few strips without the one reading that contradicts all others, where a fit shows it; else `run`.
+
+    On few strips a fault hides among its neighbours, which it makes look odd, and makes noise that is estimated look as
+    large as itself. So where a fit does not explain its readings each of them is left out by itself.
+
+    Parameters
+    ----------
+    runs_of
+        Fits runs of such readings.
+    run, sensor, readings
+        The fit, of what; signature to (n,).
+    sigma_known
+        Whether the readings' sigma was given.
+    """
+    n = run.problem.x.size
+    if len(run.problem.k) == 1 or run.selection is None or n > _MOST_STRIPS:
+        return run
+    if _content(run, sensor, readings, sigma_known):
+        return run
+    places = np.argwhere(np.isfinite([*readings.values()]))
+    tried = []
+    for s, i in places:
+        left = np.array([*readings.values()])
+        left[s, i] = np.nan
+        tried.append(dict(zip(readings, left, strict=True)))
+    fits = runs_of(tried)
+    # Of fits that leave another out as well the other one is tried by itself.
+    alone = np.array(
+        [_cost(f, sigma_known) if f.selection is not None and not f.excluded.any() else np.inf for f in fits]
+    )
+    best = int(np.argmin(alone))
+    least, next_best = alone[best], np.partition(alone, 1)[1]
+    if sigma_known:
+        price = per_vertex_penalty(run.problem.readings)
+        clear = least + price <= min(run.penalised_cost(1.0), next_best)
+    else:
+        clear = least * _CLEARER <= run.sigma and least * _ALONE <= next_best
+    if not clear:
+        return run
+    fits[best].excluded[tuple(places[best])] = True
+    return fits[best] if contradictory(fits[best], sensor, readings).any() else run
+
+
+def _content(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray], sigma_known: bool) -> bool:
+    """Whether a fit explains all readings but some that no contact makes, and not by a dent that a fault makes too."""
+    if not sigma_known:
+        return run.sigma <= MOST_SIGMA and run.model_mm.height > 0.0
+    if squares_score(run.residual_sums[0], run.freedom) > _ALARM:
+        return False
+    if not np.count_nonzero(run.excluded):
+        return True
+    assert run.selection is not None
+    sure = contradictory(run, sensor, readings)
+    return bool((run.excluded == sure).all()) and not any(inward_corners(run.selection.chosen))
+
+
+def _cost(run: RunFit, sigma_known: bool) -> float:
+    """Return what fits are compared by that leave one reading out each."""
+    return run.penalised_cost(1.0) if sigma_known else run.sigma
+
+
+@dataclass(frozen=True, eq=False)
+class _Moved:
+    """How far readings move l and u of every strip from a fit's (2, n), over L and over what noise does."""
+
+    off: FloatArray
+    deviations: FloatArray
+
+    @classmethod
+    def of(cls, run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray]) -> _Moved:
+        problem, in_mm = run.problem, run.model_mm
+        x = problem.x * problem.width_mm + problem.origin_mm
+        l, u = (np.interp(x, *chain.T) / problem.length_mm for chain in (in_mm.lower, in_mm.upper))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            off = np.stack(closed_ends(sensor, readings["kh"], readings["kl"])) / sensor.length_mm - [l, u]
+            by_l, by_u, _ = problem.jacobian(l, u)
+            # A column of the inverse Jacobian's rows: how far both readings' errors move l, and u.
+            spread = np.stack([np.hypot(*by_u), np.hypot(*by_l)])
+            spread /= np.abs(by_l[0] * by_u[1] - by_l[1] * by_u[0])
+            return cls(off, np.abs(off) / (run.sigma * spread))
