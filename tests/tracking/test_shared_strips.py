@@ -11,6 +11,7 @@ from click.testing import CliRunner
 
 import tacstrip as ts
 from rigid_scenes import at, ten_strips
+from studies.holdout.shared_strips_set import SETS, draw, score
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.cli import cli
 from tacstrip.core.hull import available
@@ -162,6 +163,15 @@ def test_where_a_first_change_comes_too_late_the_jumps_are_tried(monkeypatch: py
     k[14:, 0, 4] += 0.2
     found = lone_ends.lone_ends(RigidScans(ten_strips(), ("kh", "kl"), k, 0.003), "uniform", (False,))
     assert [some for some, _ in found] == [range(10)]
+
+
+def test_two_that_stay_beside_each_other_are_not_one_that_replaces_them() -> None:
+    """Of three objects two are left at the end, whose contact one outline of nine corners explains as well."""
+    random = np.random.default_rng([31, list(SETS).index("three"), 1])
+    scene = draw("three", random)
+    tracks = ts.track(scene.scans(random), scene.unit.sensor, NOISE)
+    assert len(tracks) == 3
+    assert all(one.solved for one in score(scene, tracks))
 
 
 def test_rivals_that_are_alike_are_named_once() -> None:

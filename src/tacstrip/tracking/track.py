@@ -626,6 +626,10 @@ def _suppositions(
     that look alike: then `later` places, after they first came together, do not count, and follow from the motion.
     """
     if parts:
+        came = {episode.scans[0] for episode in group}
+        begun = [part for part in parts if part.shown[0] in came]
+        if objects and len(begun) < len(parts):  # what nobody saw come may be known objects, side by side
+            yield _with_parts(objects, begun, read, True)
         together = _with_parts(objects, parts, read, True)
         yield together
         if len(together) < len(objects) + len(parts):
