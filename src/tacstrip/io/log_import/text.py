@@ -28,6 +28,7 @@ from tacstrip.io.log_import.delimiters import (
 from tacstrip.io.log_import.dialects import of_dialect, of_displayed_scans, plain_rows, yaml_documents
 from tacstrip.io.log_import.fields import STAMP, clock_seconds, is_prose, is_value, number_of, says_nothing
 from tacstrip.io.log_import.groups import of_groups
+from tacstrip.io.log_import.hexbytes import of_hex_bytes
 from tacstrip.io.log_import.labels import with_labels
 from tacstrip.io.log_import.literals import one_page, unwrapped
 from tacstrip.io.log_import.names import OTHER_SCRIPT, meaning, meanings, pair_of
@@ -196,6 +197,8 @@ def _is_said(quote: str, line: str) -> bool:
 
 def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     """Return a text as a table in normal form, as if some of its lines were not there."""
+    if (dumped := of_hex_bytes(without(text, strays))) is not None:
+        return in_normal_form(dumped)
     text, bounds = _BOUND.subn(r"\1", without_thousands(_THOUSANDS.sub("", of_pandas(without(text, strays)))))
     text, messages = without_messages(
         _COLOUR.sub("", plain_rows(of_displayed_scans(without(text, strays)).translate(_HALF_WIDTH)))
