@@ -1,4 +1,4 @@
-"""Frames of bytes in hex: read as a description in the log says, in whichever dump; else refused, never byte by byte."""
+"""Frames of bytes in hex: read as a description in the log says; else refused, never byte by byte."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ _SAID = {
     "<": ("little-endian", "low byte first", "LSB first"),
 }
 _CAN_SAID = (
-    "# ID 0x200 + strip (strips 0..3); bytes 0-1: V_H in mV, bytes 2-3: V_L in mV, both {}; FFFF FFFF = nothing touches\n"
+    "# ID 0x200 + strip (strips 0..3); bytes 0-1: V_H in mV, bytes 2-3: V_L in mV, both {}; FFFF FFFF = open\n"
     "# bytes 4-5: scan counter. 0x181 is the motor drive.\n"
 )
 
@@ -207,7 +207,7 @@ def test_bytes_without_a_full_description_are_never_readings(said: str) -> None:
     ["", "# candump\n", "# bytes 0-1: V_H, bytes 2-3: V_L, in mV, big endian\n", _CAN_SAID.format("in mV")],
 )
 def test_identifiers_are_never_readings(said: str) -> None:
-    with pytest.raises(ReadingError, match="hex|identifiers"):
+    with pytest.raises(ReadingError, match=r"hex|identifiers"):
         _read(said + _candump(">", " ({t:.6f})  can0  {id:03X}   [6]  {apart}"), order="alternating")
 
 
