@@ -32,6 +32,7 @@ from tacstrip.sensor.spec import Sensor
 
 Read = TypeVar("Read")
 _TOUCH = re.compile(r"touch|contact|press|active|ber(?:\u00fc|ue)hrt", re.IGNORECASE)
+_NAMELESS = re.compile(r"column \d+")
 _ROUNDS = 4  # of questions that others open
 _SHOWN, _LONG = 3, 72  # broken lines, and characters of each, that are quoted
 _FEW_BROKEN, _MOST_BROKEN = 2, 1.0 / 3.0  # lines, and part of the lines: of more, the log is of another form
@@ -88,7 +89,10 @@ def settled(table: Table, read: Callable[[Table], Read]) -> Read:
     """
     fewest: float = np.inf
     kept: Exception | None = None
-    for one in itertools.chain([table], table.retries()):
+    nameless = {name for name in table.names if _NAMELESS.fullmatch(name)}
+    # A line of names is no stray, whatever is open with it.
+    retries = (t for t in table.retries() if nameless or not any(map(_NAMELESS.fullmatch, t.names)))
+    for one in itertools.chain([table], retries):
         try:
             return read(one)
         except (ReadingError, OptionError, Unanswered) as error:
@@ -159,8 +163,8 @@ def _asked_next(
             break
         known |= {q.key for q in asked}
         answers = answers | _picked(asked, pick)
-        clues = Clues(table, sensor, answers, stated=stated)
         try:
+            clues = Clues(table, sensor, answers, stated=stated)
             assembled(clues)
             clues.stop()
             break
