@@ -94,8 +94,7 @@ def test_rows_of_numbers_above_are_never_set_aside_unsaid() -> None:
 
 
 def test_a_last_line_without_an_end_may_be_cut() -> None:
-    with pytest.raises(Unanswered, match=r"line\(s\) 9 .* leave them out"):
-        propose(of_text("\n".join(CSV)[:-5]), ONE)
+    assert any("left out: line 9" in d for d in propose(of_text("\n".join(CSV)[:-5]), ONE).doubts)
     check("\n".join(CSV)[:-5], ONE, VOLTS[:-1], broken_lines="skip")
 
 
@@ -104,8 +103,9 @@ def test_zeros_of_a_reset_board_are_said(tmp_path: Path) -> None:
     file.write_text("\n".join([*CSV[:4], "\0" * 30, *CSV[4:]]) + "\n\0\0\0")
     assert "line 5 holds bytes of 0" in check(decoded(file))[0]
     file.write_text("\n".join([*CSV[:-1], CSV[-1].replace("1.", "1\0\0", 1)]))
-    with pytest.raises(Unanswered, match=r"line\(s\) 9 .* leave them out"):
-        propose(of_text(decoded(file)), ONE)
+    found = propose(of_text(decoded(file)), ONE)
+    assert len(found.scans) == len(VOLTS) - 1
+    assert any("left out: line 9" in doubt for doubt in found.doubts)
     file.write_bytes(bytes(range(256)).replace(b"\r", b"\0") * 9)
     with pytest.raises(ts.ReadingError, match="not a text file"):
         decoded(file)

@@ -14,6 +14,7 @@ import numpy as np
 
 from tacstrip.errors import OptionError, ReadingError
 from tacstrip.io.log_import import conversion, quantities
+from tacstrip.io.log_import.broken import settle_broken
 from tacstrip.io.log_import.columns import Columns, above, find_columns
 from tacstrip.io.log_import.doubts import raise_doubts
 from tacstrip.io.log_import.fields import is_garbled
@@ -32,7 +33,6 @@ from tacstrip.sensor.spec import Sensor
 
 Read = TypeVar("Read")
 _TOUCH = re.compile(r"touch|contact|press|active|ber(?:\u00fc|ue)hrt", re.IGNORECASE)
-_NAMELESS = re.compile(r"column \d+")
 _ROUNDS = 4  # of questions that others open
 _SHOWN, _LONG = 3, 72  # broken lines, and characters of each, that are quoted
 _FEW_BROKEN, _MOST_BROKEN = 2, 1.0 / 3.0  # lines, and part of the lines: of more, the log is of another form
@@ -89,10 +89,7 @@ def settled(table: Table, read: Callable[[Table], Read]) -> Read:
     """
     fewest: float = np.inf
     kept: Exception | None = None
-    nameless = {name for name in table.names if _NAMELESS.fullmatch(name)}
-    # A line of names is no stray, whatever is open with it.
-    retries = (t for t in table.retries() if nameless or not any(map(_NAMELESS.fullmatch, t.names)))
-    for one in itertools.chain([table], retries):
+    for one in itertools.chain([table], table.retries()):
         try:
             return read(one)
         except (ReadingError, OptionError, Unanswered) as error:
@@ -244,6 +241,7 @@ def _assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
     mapping = replace(mapping, untouched=(*mapping.untouched, *quantities.numbers_for_nothing(clues, rough)))
     loose = replace(mapping, time_unit=mapping.time_unit or "s", restart="continue", missing="untouched")
     rough = scans(clues.table, loose)
+    settle_broken(clues, loose, rough)
     mapping, rough = with_turn(clues, mapping, rough)
     ask_for_notes(clues, rough)
     mapping = _with_ends(clues, mapping, found, rough)
