@@ -128,6 +128,9 @@ _WORDS_KNOWN = 2  # of those that logs have: fewer may be there by chance
 _WORDED = re.compile(
     r"[^\dA-Za-z]*[A-Za-z][^\t;|]*(?<!,)\Z|\s*([=*~<>-])\1+\s*\w[^\t;|]*\1{2,}\s*\Z"
 )  # and without fields
+_NUMBER_SIGN = re.compile(r"\s(?:n|no|nr|num)?[\u00b0\u00ba.]\s*(?=\d)", re.IGNORECASE)  # as "Messung Nr. 2"
+_IN_TIME = re.compile(r"(?<![\w.,])(\d+(?:\.\d+)?)\s?(?:s|sec|ms|us)(?!\w)")
+_TIME_SAID = re.compile(r"(?<![\w.,])(\d+),(\d+)(?=\s?(?:s|sec|ms|us|\u00b5s)(?!\w))")  # with a decimal comma
 _THOUSANDS = re.compile(r"(?<=\d)[\u2009\u202f\xa0](?=\d{3}(?!\d))")
 _BOUND = re.compile(r"(\d)\s?(?:\u00b1|\+/-)\s?\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?(?!\d|\s?(?:\u00b1|\+/-))")
 _COLOUR = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")  # of a terminal
@@ -712,10 +715,37 @@ def _rises_evenly(numbers: list[int]) -> bool:
 
 def _labels(lines: list[tuple[int, str]]) -> dict[int, list[Item]]:
     """Return the lines that only say to which scan or strip those below belong, if there are several alike."""
-    worded = [(i, line.strip("#%/! \t")) for i, line in lines if _WORDED.match(line) and len(line) < _LONG]
-    found = {i: parts for i, line in worded if is_label(parts := items(line))}
+    worded = [(i, line.strip("#%/! \t")) for i, line in lines if len(line) < _LONG]
+    worded = [(i, _TIME_SAID.sub(r"\1.\2", _NUMBER_SIGN.sub(" ", line))) for i, line in worded]
+    timed = {i: items(f"t = {time}") for i, time in _timed(worded).items()}
+    worded = [(i, line) for i, line in worded if _WORDED.match(line)]
+    found = {i: parts for i, line in worded if is_label(parts := items(line))} or timed
     kinds = Counter(tuple(item.name for item in parts) for parts in found.values())
     return {i: parts for i, parts in found.items() if kinds[tuple(p.name for p in parts)] >= _FEW_BLOCKS}
+
+
+def _timed(lines: list[tuple[int, str]]) -> dict[int, str]:
+    """Return the times of lines of words of one form with a number and its unit of time, evenly above their blocks."""
+    found = {
+        i: m
+        for i, line in lines
+        if len(m := [*_IN_TIME.finditer(line)]) == 1 and not re.search(r"[;\t|]", line)
+    }
+    texts = dict(lines)
+    forms = Counter(re.sub(r"\d+(?:\.\d+)?", "0", texts[i]) for i in found)
+    if (
+        not forms
+        or len(forms) > 1
+        or sum(forms.values()) < _FEW_BLOCKS
+        or len(re.findall("0", [*forms][0])) > 2
+    ):
+        return {}
+    first, *gaps = [b - a for a, b in itertools.pairwise(found)] or [0]
+    times = [float(m[0][1]) for m in found.values()]
+    # The first block may have names besides.
+    even = len({*gaps}) == 1 and 0 <= first - gaps[0] <= 2 < gaps[0]
+    even = even and all(a < b for a, b in itertools.pairwise(times))
+    return {i: m[0].group() for i, m in found.items()} if even else {}
 
 
 def _separator(data: list[tuple[int, str]], path: str | Path) -> tuple[str, int]:
