@@ -98,3 +98,13 @@ def test_a_count_of_frames_and_their_length_are_no_sensors() -> None:
     rows.insert(4, "5\t0.057100\t87\t")
     _assert_scans(_read(names, *rows), [*range(_SCANS)])
     _assert_scans(_read(*rows), [*range(_SCANS)])
+
+
+@pytest.mark.parametrize("said", ["Vref = 4,62 V", "Vcc: 4.62 V", "AREF 4620 mV"])
+def test_another_vref_in_the_log_is_a_question_with_both(said: str) -> None:
+    sensor = ts.Sensor(construction="crs-crs", strips=3, pitch_mm=8.0, length_mm=60.0, vref_volt=5.0)
+    table = of_text("\n".join([f"# {said}", _NAMES, *_ROWS]) + "\n")
+    with pytest.raises(Unanswered, match=r"vref_volt=4.62 or --answer vref_volt=5"):
+        propose(table, sensor)
+    for volts in (4.62, 5.0):
+        assert propose(table, sensor, {"vref_volt": f"{volts:g}"}).mapping.vref_volt in (volts, None)

@@ -18,8 +18,9 @@ _MV = np.array([[[1500 + 50 * n + 30 * s, 900 + 40 * n + 20 * s] for s in range(
 @pytest.mark.parametrize(
     "label",
     [
-        "Mesure n\u00b0 {n} \u00e0 t = {t} s", "Messung Nr. {n} bei t = {t} s", "Messung {n} nach {t} s", "pomiar {n} po {t} s",
-        "Medida {n}: {t} s", "Medici\u00f3n n\u00ba {n} ({t} s)", "{t} s apr\u00e8s le d\u00e9but", "*** {t} s ***",
+        "Mesure n\u00b0 {n} \u00e0 t = {t} s", "Messung Nr. {n} bei t = {t} s", "Messung {n} nach {t} s",
+        "pomiar {n} po {t} s", "Medida {n}: {t} s",
+        "Medici\u00f3n n\u00ba {n} ({t} s)", "{t} s apr\u00e8s le d\u00e9but", "*** {t} s ***",
         "\u6e2c\u5b9a {n} \u56de\u76ee t = {t} s",
     ],
 )  # fmt: skip

@@ -8,19 +8,19 @@ from collections import Counter
 import numpy as np
 
 from tacstrip.errors import ReadingError
-from tacstrip.io.log_import.fields import is_prose, says_nothing
+from tacstrip.io.log_import.fields import says_nothing
 from tacstrip.io.log_import.mapping import ColumnMapping
 from tacstrip.io.log_import.names import meaning
 from tacstrip.io.log_import.questions import Clues
 from tacstrip.io.log_import.records import is_label, items
 from tacstrip.io.log_import.scans import LogScan, scans
-from tacstrip.io.log_import.table import CLOCK, Table
+from tacstrip.io.log_import.table import CLOCK, GARBLED, Table
 
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:[.,]\d+)*(?!\w)")
 _STAMP = re.compile(r"\d+:\d+(?::\d+)?(?:[.,]\d+)?|\d{4}-\d\d-\d\d[T ]?")
 _FEW_VALUES = 0.5  # of those of other lines: a line with more may be a scan
 _GAP, _REGULAR = 1.5, 0.9  # times the usual step, part of the steps that are near it
-_FEW = 3  # scans
+_FEW, _WORDS = 3, 5  # scans; words of a sentence
 _MOST_BELOW = 10  # lines of statistics
 
 
@@ -47,8 +47,10 @@ def _at_the_end(table: Table, lines: list[int]) -> bool:
     """Return whether lines below all rows are one that is cut, or several that begin with no number, as statistics."""
     quotes = [table.quotes.get(n, "") for n in lines]
     if len(lines) == 1:
-        label = is_label(items(quotes[0])) and not is_prose(quotes[0])
-        begun = bool(re.match(r"[^,;\t|]", quotes[0])) and not label  # what is cut has its first field
+        label = is_label(items(quotes[0])) and len(re.findall(r"[^\W\d_]+", quotes[0])) < _WORDS
+        begun = (
+            bool(re.match(r"[^,;\t|]", quotes[0])) and not label and GARBLED not in quotes[0]
+        )  # what is cut has its first field
         return begun and _values_of(quotes[0]) <= _usual(table)
     return len(lines) <= _MOST_BELOW and all(q and not re.match(r"[\s|;,\"']*[-+]?\.?\d", q) for q in quotes)
 

@@ -737,7 +737,7 @@ def _timed(lines: list[tuple[int, str]]) -> dict[int, str]:
         not forms
         or len(forms) > 1
         or sum(forms.values()) < _FEW_BLOCKS
-        or len(re.findall("0", [*forms][0])) > 2
+        or len(re.findall("0", next(iter(forms)))) > 2
     ):
         return {}
     first, *gaps = [b - a for a, b in itertools.pairwise(found)] or [0]
