@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import tacstrip as ts
+from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.guess import Proposal, propose
 from tacstrip.io.log_import.questions import Unanswered
 from tacstrip.io.log_import.text import of_text
@@ -108,3 +109,38 @@ def test_another_vref_in_the_log_is_a_question_with_both(said: str) -> None:
         propose(table, sensor)
     assert propose(table, sensor, {"vref_volt": "4.62"}).mapping.vref_volt == 4.62
     assert propose(table, sensor, {"vref_volt": "5"}).mapping.vref_volt == 0.0  # that of the spec
+
+
+@pytest.mark.parametrize("remark", ["", "   (volts, .... = lifted)"])
+@pytest.mark.parametrize("above", [0, 4])
+def test_names_again_behind_the_times_of_a_terminal(remark: str, above: int) -> None:
+    boot = [
+        "Welcome to minicom 2.8",
+        "OPTIONS: I18n",
+        "Port /dev/ttyUSB0, 09:14:20",
+        "Press CTRL-A Z for help",
+    ]
+    rows = boot[:above]
+    for n, row in enumerate(_ROWS):
+        time = f"[2025-06-11 09:14:{32 + 0.02 * n:06.3f}] "
+        rows += [time + "  h0   l0   h1   l1   h2   l2" + remark] * (n % 4 == 0)
+        rows.append(time + ("....  " * 6 if n == 2 else row.partition(",")[2].replace(",", "  ")))
+    found = _read(*rows, unit="V")
+    assert np.isnan(found.scans[2].values).all()
+    found.scans[2].values[:] = _VOLTS[2]
+    _assert_scans(found, [*range(_SCANS)])
+
+
+def test_names_in_another_order_behind_a_time_are_not_passed_over() -> None:
+    rows = []
+    for n, row in enumerate(_ROWS):
+        time = f"[2025-06-11 09:14:{32 + 0.02 * n:06.3f}] "
+        rows += [time + ("h0 l0 h1 l1 h2 l2" if n < 4 else "l0 h0 l1 h1 l2 h2")] * (n % 4 == 0)
+        values = row.split(",")[1:]
+        values = values if n < 4 else [values[k] for k in (1, 0, 3, 2, 5, 4)]
+        rows.append(time + " ".join(values))
+    try:
+        found = _read(*rows, unit="V")
+    except (Unanswered, ReadingError):
+        return
+    _assert_scans(found, [*range(_SCANS)])

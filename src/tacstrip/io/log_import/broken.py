@@ -47,7 +47,11 @@ def _at_the_end(table: Table, lines: list[int]) -> bool:
     """Return whether lines below all rows are one that is cut, or several that begin with no number, as statistics."""
     quotes = [table.quotes.get(n, "") for n in lines]
     if len(lines) == 1:
-        label = is_label(items(quotes[0])) and len(re.findall(r"[^\W\d_]+", quotes[0])) < _WORDS
+        label = (
+            bool(re.search(r"\d", quotes[0]))
+            and is_label(items(quotes[0]))
+            and len(re.findall(r"[^\W\d_]+", quotes[0])) < _WORDS
+        )
         begun = (
             bool(re.match(r"[^,;\t|]", quotes[0])) and not label and GARBLED not in quotes[0]
         )  # what is cut has its first field

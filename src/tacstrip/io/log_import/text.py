@@ -233,6 +233,7 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     if not lines:
         raise ReadingError(f"{path}: the file is empty")
     lines, stamps = _without_stamps(lines)
+    lines = _named_once(lines) if stamps else lines
     lines, doubts = without_ends(without_tag(lines) if stamps else lines)
     levels = [bool(_LEVEL.match(line)) for _, line in lines]
     if 0 < sum(levels) < 0.5 * len(levels):  # messages between the readings
@@ -359,7 +360,8 @@ def _without_stamps(lines: list[tuple[int, str]]) -> tuple[list[tuple[int, str]]
     """Return lines without what a monitor or a logger puts before each: the time, by line, and a level."""
     levelled, lines = lines, [(i, _LEVEL_FIRST.sub("", line)) for i, line in lines]
     found = [_STAMPED.match(line) or _COUNTED.match(line) for _, line in lines]
-    if sum(m is not None for m in found) <= STEADY * len(lines):
+    many, first = sum(m is not None for m in found), next((n for n, m in enumerate(found) if m), 0)
+    if many <= STEADY * (len(lines) - first if 2 * first < len(lines) else len(lines)):
         return levelled, {}
     if any(m is None and _as_wide(line, lines[-1][1]) for (_, line), m in zip(lines, found, strict=True)):
         return levelled, {}  # a table, whose names count the time, too
@@ -374,6 +376,29 @@ def _without_stamps(lines: list[tuple[int, str]]) -> tuple[list[tuple[int, str]]
         if all(before) and (prefix is _LEVEL or len({m.group() for m in before if m}) == 1):
             rest = [(i, line[m.end() :]) for (i, line), m in zip(rest, before, strict=True) if m]
     return [(i, line) for i, line in rest if line.strip()], stamps
+
+
+def _named_once(lines: list[tuple[int, str]]) -> list[tuple[int, str]]:
+    """Return lines without names that come again behind other times, and what stands in brackets behind names apart."""
+    again = {line for line, many in Counter(line.strip() for _, line in lines).items() if many > 1}
+    named = {line for line in again if _names_alone(line.partition("(")[0])}
+    made: list[tuple[int, str]] = []
+    there: set[str] = set()
+    for i, line in lines:
+        if line.strip() not in named:
+            made.append((i, line))
+        elif line.strip() not in there:
+            names, mark, remark = line.partition("(")
+            made += [*([(i, f"# {remark.rstrip(' )')}")] if mark else []), (i, names.rstrip())]
+            there.add(line.strip())
+    return made
+
+
+def _names_alone(line: str) -> bool:
+    """Return whether a line holds nothing but names of readings, times and strips, and no value of any."""
+    fields = [f for f in re.split(_BETWEEN, line) if f]
+    plain = len(fields) > _FEW_BLOCKS and not re.search(r"[=:]", line)
+    return plain and all(meaning(f).role for f in fields) and not any(map(says_nothing, fields))
 
 
 def _as_wide(line: str, other: str) -> bool:
