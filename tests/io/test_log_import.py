@@ -116,7 +116,6 @@ def codes(last: str) -> str:
 @pytest.mark.parametrize(
     ("text", "sensor", "says"),
     [
-        (codes("80,-1,404,504,604,6"), METAL, "line.s. 6 .*are not like the others"),
         (
             "strip,voltage,pose0,pose7,pose14,pose21\n"
             + "".join(
@@ -374,7 +373,6 @@ def without_empty_lines() -> str:
         (own("kh", "kl", head="strip,v_h,v_l\n", index=False), "rate_hz", "50"),
         (without_empty_lines(), "missing", "untouched"),
         (own("kh", "kl", nothing="sat"), "untouched", "sat"),
-        (own("kh", "kl") + "3,60\n", "broken_lines", "skip"),
     ],
 )
 def test_what_a_log_does_not_say_is_asked_and_the_answer_taken(text: str, key: str, answer: str) -> None:

@@ -94,8 +94,7 @@ def test_rows_of_numbers_above_are_never_set_aside_unsaid() -> None:
 
 
 def test_a_last_line_without_an_end_may_be_cut() -> None:
-    with pytest.raises(Unanswered, match=r"line\(s\) 9 .* leave them out"):
-        propose(of_text("\n".join(CSV)[:-5]), ONE)
+    assert any("left out: line 9" in d for d in propose(of_text("\n".join(CSV)[:-5]), ONE).doubts)
     check("\n".join(CSV)[:-5], ONE, VOLTS[:-1], broken_lines="skip")
 
 

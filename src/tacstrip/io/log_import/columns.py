@@ -60,7 +60,8 @@ _SOURCES = frozenset(
     {"topic", "source", "src", "sender", "node", "frame", "host", "hostname", "addr", "address", "mac", "ip", "port"}
     | {"origin", "link", "robot", "publisher", "client", "uuid", "serial", "quelle", "knoten", "capteur", "sensor"}
 )  # fmt: skip
-_MOST_SENSORS = 12
+_SIZES = frozenset({"len", "length", "size", "bytes", "count", "crc", "checksum"})  # of a sender's frames
+_MOST_SENSORS, _FEW_COUNTED = 12, 2
 _LOGIC = re.compile("[LH]+")  # levels of logic inputs, as loggers write them
 _ROLE_NAMES = {"scan": "scan's number", "strip": "strip's number", "which": "channel's name"}
 
@@ -144,6 +145,7 @@ def _ask_for_sensor(clues: Clues, known: dict[str, Meaning]) -> None:
     numbered = any(m.role == "strip" or m.strip is not None for m in known.values())
     of = [n for n in table.names if n in named]
     keys = list(zip(*(table.column(n) for n in of), strict=True)) if of else []
+    when = list(zip(*(table.column(n) for n in of if known[n].role != "strip"), strict=True))
     read = [table.places[n] for n, m in known.items() if m.role == "reading"]
     holds = [
         any(row[p] for p in read) for row in table.rows
@@ -157,6 +159,7 @@ def _ask_for_sensor(clues: Clues, known: dict[str, Meaning]) -> None:
             or name in (*clues.answers, ROW, CLOCK, PART)
             or not 1 < len(values) <= _MOST_SENSORS or not all(values) or {*values} & {*ROLES}
             or (known[name].role == "reading" and known[name].strip is not None)
+            or _counts_scans(fields, when)
         ):  # fmt: skip
             continue
         each = Counter(zip(keys, fields, strict=True)) if keys else Counter()
@@ -165,6 +168,7 @@ def _ask_for_sensor(clues: Clues, known: dict[str, Meaning]) -> None:
         )
         words = set(re.findall(r"[a-z]+", name.casefold()))
         called = _SENSORS & words or (_SOURCES & words and meaning(name).role != "strip")
+        called = called and not _SIZES & words
         if single and numbered and (called or (worded and (apart or _in_turns(fields)))):
             lines = [table.lines[fields.index(v)] for v in values[:2]]
             clues.ask(
@@ -174,6 +178,14 @@ def _ask_for_sensor(clues: Clues, known: dict[str, Meaning]) -> None:
                 *values, *([] if apart else ["skip"]),
             )  # fmt: skip
             clues.stop()
+
+
+def _counts_scans(fields: list[str], when: list[tuple[str, ...]]) -> bool:
+    """Return whether numbers rise from scan to scan, never to come again: no sensors are called so."""
+    runs = [number_of(value) for value, _ in itertools.groupby(fields)]
+    rising = all(a is not None and b is not None and a < b for a, b in itertools.pairwise(runs))
+    scans = {*zip(fields, when, strict=True)} if when else set()
+    return len(runs) > _FEW_COUNTED and rising and len(scans) == len({*fields})
 
 
 def _in_turns(fields: list[str]) -> bool:
@@ -335,8 +347,10 @@ def _time(clues: Clues, known: dict[str, Meaning]) -> str:
         ]
         wide = clues.sensor.strips * len(clues.expected) if clues.sensor else 0
         ends = {*nameless[:1], *nameless[-1:]} if len(nameless) != wide else set()  # else all are readings
+        if any(m.role == "reading" for m in known.values()):
+            ends = {*nameless}
         rising = [n for n in nameless if n in ends and _rises(clues.values(n))]
-        for n in sorted(rising, key=lambda n: _counts(clues.values(n)))[:1]:
+        for n in sorted(rising, key=lambda n: (_are_whole(clues.values(n)), _counts(clues.values(n))))[:1]:
             clues.because(f"{n}: has no name, and rises from line to line, so it is the time")
             there.append((n, True, len(set(clues.table.column(n)))))
     own = [n for n, rises, _ in there if n != CLOCK and rises]
@@ -351,6 +365,10 @@ def _time(clues: Clues, known: dict[str, Meaning]) -> str:
         there = [t for t in there if t[0] != CLOCK]
     there = [t for t in there if t[2] > 1 or len(clues.table.rows) < 2] or there[:1]
     return max(there, key=lambda t: (t[0] in clues.answers, t[1], t[2]))[0] if there else ""
+
+
+def _are_whole(values: list[float | None]) -> bool:
+    return all(v is None or v == round(v) for v in values)
 
 
 def _contradicts_the_stamps(clues: Clues, name: str, unit: str) -> bool:

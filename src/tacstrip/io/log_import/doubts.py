@@ -224,7 +224,7 @@ def _of_known_units(clues: Clues, mapping: ColumnMapping) -> None:
 
 
 def _vref(clues: Clues) -> None:
-    """Refuse a log that says another Vref than the spec, unless the answer says which holds."""
+    """Ask which Vref holds where a log says another one than the spec."""
     if clues.sensor is None or "vref_volt" in clues.answers:
         return
     told = {
@@ -240,7 +240,8 @@ def _vref(clues: Clues) -> None:
     vref = clues.sensor.vref_volt
     for volts, place in told.items():
         if abs(volts - vref) > _SAME * vref:
-            raise ReadingError(
-                f"{place}the log says Vref = {volts:g} V, and the spec vref_volt = {vref:g}: change the spec, or say "
-                f"--answer vref_volt={vref:g} if that is right"
-            )
+            clues.ask(
+                "vref_volt",
+                f"{place}the log says Vref = {volts:g} V, and the spec vref_volt = {vref:g}: with which was it made?",
+                f"{volts:g}", f"{vref:g}",
+            )  # fmt: skip

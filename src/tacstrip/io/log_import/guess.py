@@ -14,6 +14,7 @@ import numpy as np
 
 from tacstrip.errors import OptionError, ReadingError
 from tacstrip.io.log_import import conversion, quantities
+from tacstrip.io.log_import.broken import settle_broken
 from tacstrip.io.log_import.columns import Columns, above, find_columns
 from tacstrip.io.log_import.doubts import raise_doubts
 from tacstrip.io.log_import.fields import is_garbled
@@ -159,8 +160,8 @@ def _asked_next(
             break
         known |= {q.key for q in asked}
         answers = answers | _picked(asked, pick)
-        clues = Clues(table, sensor, answers, stated=stated)
         try:
+            clues = Clues(table, sensor, answers, stated=stated)
             assembled(clues)
             clues.stop()
             break
@@ -240,6 +241,7 @@ def _assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
     mapping = replace(mapping, untouched=(*mapping.untouched, *quantities.numbers_for_nothing(clues, rough)))
     loose = replace(mapping, time_unit=mapping.time_unit or "s", restart="continue", missing="untouched")
     rough = scans(clues.table, loose)
+    settle_broken(clues, loose, rough)
     mapping, rough = with_turn(clues, mapping, rough)
     ask_for_notes(clues, rough)
     mapping = _with_ends(clues, mapping, found, rough)

@@ -23,7 +23,12 @@ _PATH = re.compile(r"[^\W\d]\w*/\w+")
 # A level, a time and a tag before each line, as ESP-IDF and Python write.
 _TAGGED = re.compile(
     r"\s*(?:[EWIDV] \(\d+\) |(?:[\d:.,T/-]+ ){0,2}(?:- )?\[?(?:TRACE|DEBUG|INFO|WARN|WARNING|ERROR)\]?[ :-]+)"
-    r"([A-Za-z][\w.-]*): "
+    r"([A-Za-z][\w.-]*):(?: |(?=[a-z]+: ))"
+)
+# What the ROM of an ESP32 prints before the program starts, and its monitor before that.
+_ROM = re.compile(
+    r"--- (?:idf_monitor|Quit:|esp-idf-monitor)|ets [A-Z]|rst:0x|ESP-ROM:|Build:|configsip:|clk_drv:|SPIWP:"
+    r"|mode:[A-Z]+, clock div|load:0x|entry 0x|ho \d+ tail"
 )
 _LEVELLED = re.compile(
     r"\s*(?:\[?[\d:.,T/-]+\]?\s+){0,2}(?:[-|]\s)?[\[(]?(TRACE|DEBUG|VERBOSE|INFO|NOTICE|WARN|WARNING|ERROR|FATAL|CRITICAL)"
@@ -96,6 +101,7 @@ def without_messages(text: str) -> tuple[str, str]:
     >>> without_messages("I (1) TACT: 5\nW (2) wifi: up 3\nI (3) TACT: 6\nI (4) TACT: 6")[0].split("\n")[1]
     ''
     """
+    text = without(text, frozenset(n for n, line in numbered(text) if _ROM.match(line.lstrip())))
     text, foreign = _without_foreign(text)
     found = {n: m for n, line in numbered(text) if (m := _TAGGED.match(line))}
     tags = Counter(m[1] for m in found.values()).most_common(1)

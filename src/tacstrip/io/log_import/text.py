@@ -28,6 +28,7 @@ from tacstrip.io.log_import.delimiters import (
 from tacstrip.io.log_import.dialects import of_dialect, of_displayed_scans, plain_rows, yaml_documents
 from tacstrip.io.log_import.fields import STAMP, clock_seconds, is_prose, is_value, number_of, says_nothing
 from tacstrip.io.log_import.groups import of_groups
+from tacstrip.io.log_import.hexbytes import of_hex_bytes
 from tacstrip.io.log_import.labels import with_labels
 from tacstrip.io.log_import.literals import one_page, unwrapped
 from tacstrip.io.log_import.names import OTHER_SCRIPT, meaning, meanings, pair_of
@@ -127,6 +128,9 @@ _WORDS_KNOWN = 2  # of those that logs have: fewer may be there by chance
 _WORDED = re.compile(
     r"[^\dA-Za-z]*[A-Za-z][^\t;|]*(?<!,)\Z|\s*([=*~<>-])\1+\s*\w[^\t;|]*\1{2,}\s*\Z"
 )  # and without fields
+_NUMBER_SIGN = re.compile(r"\s(?:n|no|nr|num)?[\u00b0\u00ba.]\s*(?=\d)", re.IGNORECASE)  # as "Messung Nr. 2"
+_IN_TIME = re.compile(r"(?<![\w.,])(\d+(?:\.\d+)?)\s?(?:s|sec|ms|us)(?!\w)")
+_TIME_SAID = re.compile(r"(?<![\w.,])(\d+),(\d+)(?=\s?(?:s|sec|ms|us|\u00b5s)(?!\w))")  # with a decimal comma
 _THOUSANDS = re.compile(r"(?<=\d)[\u2009\u202f\xa0](?=\d{3}(?!\d))")
 _BOUND = re.compile(r"(\d)\s?(?:\u00b1|\+/-)\s?\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?(?!\d|\s?(?:\u00b1|\+/-))")
 _COLOUR = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")  # of a terminal
@@ -202,6 +206,8 @@ def _is_said(quote: str, line: str) -> bool:
 
 def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     """Return a text as a table in normal form, as if some of its lines were not there."""
+    if (dumped := of_hex_bytes(without(text, strays))) is not None:
+        return in_normal_form(dumped)
     text, bounds = _BOUND.subn(r"\1", without_thousands(_THOUSANDS.sub("", of_pandas(without(text, strays)))))
     text, messages = without_messages(
         _COLOUR.sub("", plain_rows(of_displayed_scans(without(text, strays)).translate(_HALF_WIDTH)))
@@ -233,6 +239,7 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     if not lines:
         raise ReadingError(f"{path}: the file is empty")
     lines, stamps = _without_stamps(lines)
+    lines = _named_once(lines) if stamps else lines
     lines, doubts = without_ends(without_tag(lines) if stamps else lines)
     levels = [bool(_LEVEL.match(line)) for _, line in lines]
     if 0 < sum(levels) < 0.5 * len(levels):  # messages between the readings
@@ -359,7 +366,8 @@ def _without_stamps(lines: list[tuple[int, str]]) -> tuple[list[tuple[int, str]]
     """Return lines without what a monitor or a logger puts before each: the time, by line, and a level."""
     levelled, lines = lines, [(i, _LEVEL_FIRST.sub("", line)) for i, line in lines]
     found = [_STAMPED.match(line) or _COUNTED.match(line) for _, line in lines]
-    if sum(m is not None for m in found) <= STEADY * len(lines):
+    many, first = sum(m is not None for m in found), next((n for n, m in enumerate(found) if m), 0)
+    if many <= STEADY * (len(lines) - first if 2 * first < len(lines) else len(lines)):
         return levelled, {}
     if any(m is None and _as_wide(line, lines[-1][1]) for (_, line), m in zip(lines, found, strict=True)):
         return levelled, {}  # a table, whose names count the time, too
@@ -374,6 +382,29 @@ def _without_stamps(lines: list[tuple[int, str]]) -> tuple[list[tuple[int, str]]
         if all(before) and (prefix is _LEVEL or len({m.group() for m in before if m}) == 1):
             rest = [(i, line[m.end() :]) for (i, line), m in zip(rest, before, strict=True) if m]
     return [(i, line) for i, line in rest if line.strip()], stamps
+
+
+def _named_once(lines: list[tuple[int, str]]) -> list[tuple[int, str]]:
+    """Return lines without names that come again behind other times, and what stands in brackets behind names apart."""
+    again = {line for line, many in Counter(line.strip() for _, line in lines).items() if many > 1}
+    named = {line for line in again if _names_alone(line.partition("(")[0])}
+    made: list[tuple[int, str]] = []
+    there: set[str] = set()
+    for i, line in lines:
+        if line.strip() not in named:
+            made.append((i, line))
+        elif line.strip() not in there:
+            names, mark, remark = line.partition("(")
+            made += [*([(i, f"# {remark.rstrip(' )')}")] if mark else []), (i, names.rstrip())]
+            there.add(line.strip())
+    return made
+
+
+def _names_alone(line: str) -> bool:
+    """Return whether a line holds nothing but names of readings, times and strips, and no value of any."""
+    fields = [f for f in re.split(_BETWEEN, line) if f]
+    plain = len(fields) > _FEW_BLOCKS and not re.search(r"[=:]", line)
+    return plain and all(meaning(f).role for f in fields) and not any(map(says_nothing, fields))
 
 
 def _as_wide(line: str, other: str) -> bool:
@@ -715,10 +746,37 @@ def _rises_evenly(numbers: list[int]) -> bool:
 
 def _labels(lines: list[tuple[int, str]]) -> dict[int, list[Item]]:
     """Return the lines that only say to which scan or strip those below belong, if there are several alike."""
-    worded = [(i, line.strip("#%/! \t")) for i, line in lines if _WORDED.match(line) and len(line) < _LONG]
-    found = {i: parts for i, line in worded if is_label(parts := items(line))}
+    worded = [(i, line.strip("#%/! \t")) for i, line in lines if len(line) < _LONG]
+    worded = [(i, _TIME_SAID.sub(r"\1.\2", _NUMBER_SIGN.sub(" ", line))) for i, line in worded]
+    timed = {i: items(f"t = {time}") for i, time in _timed(worded).items()}
+    worded = [(i, line) for i, line in worded if _WORDED.match(line)]
+    found = {i: parts for i, line in worded if is_label(parts := items(line))} or timed
     kinds = Counter(tuple(item.name for item in parts) for parts in found.values())
     return {i: parts for i, parts in found.items() if kinds[tuple(p.name for p in parts)] >= _FEW_BLOCKS}
+
+
+def _timed(lines: list[tuple[int, str]]) -> dict[int, str]:
+    """Return the times of lines of words of one form with a number and its unit of time, evenly above their blocks."""
+    found = {
+        i: m
+        for i, line in lines
+        if len(m := [*_IN_TIME.finditer(line)]) == 1 and not re.search(r"[;\t|]", line)
+    }
+    texts = dict(lines)
+    forms = Counter(re.sub(r"\d+(?:\.\d+)?", "0", texts[i]) for i in found)
+    if (
+        not forms
+        or len(forms) > 1
+        or sum(forms.values()) < _FEW_BLOCKS
+        or len(re.findall("0", next(iter(forms)))) > 2
+    ):
+        return {}
+    first, *gaps = [b - a for a, b in itertools.pairwise(found)] or [0]
+    times = [float(m[0][1]) for m in found.values()]
+    # The first block may have names besides.
+    even = len({*gaps}) == 1 and 0 <= first - gaps[0] <= 2 < gaps[0]
+    even = even and all(a < b for a, b in itertools.pairwise(times))
+    return {i: m[0].group() for i, m in found.items()} if even else {}
 
 
 def _separator(data: list[tuple[int, str]], path: str | Path) -> tuple[str, int]:

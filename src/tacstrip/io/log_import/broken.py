@@ -1,0 +1,98 @@
+"""Lines that are not like the others: those that cannot have lost a scan in the middle are left out with a warning."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+
+import numpy as np
+
+from tacstrip.errors import ReadingError
+from tacstrip.io.log_import.fields import says_nothing
+from tacstrip.io.log_import.mapping import ColumnMapping
+from tacstrip.io.log_import.names import meaning
+from tacstrip.io.log_import.questions import Clues
+from tacstrip.io.log_import.records import is_label, items
+from tacstrip.io.log_import.scans import LogScan, scans
+from tacstrip.io.log_import.table import CLOCK, GARBLED, Table
+
+_NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:[.,]\d+)*(?!\w)")
+_STAMP = re.compile(r"\d+:\d+(?::\d+)?(?:[.,]\d+)?|\d{4}-\d\d-\d\d[T ]?")
+_FEW_VALUES = 0.5  # of those of other lines: a line with more may be a scan
+_GAP, _REGULAR = 1.5, 0.9  # times the usual step, part of the steps that are near it
+_FEW, _WORDS = 3, 5  # scans; words of a sentence
+_MOST_BELOW = 10  # lines of statistics
+
+
+def settle_broken(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> None:
+    """Take back the question on broken lines where leaving them out loses no scan but the first or the last one."""
+    if not any(q.key == "broken_lines" for q in clues.questions):
+        return
+    table = clues.table
+    first, last = min(table.lines), max(table.lines)
+    above = [n for n in table.broken if n < first]
+    below = [n for n in table.broken if n > last]
+    inner = [n for n in table.broken if first < n < last]
+    if (
+        len(above) + len(inner) + len(below) == len(table.broken)
+        and all(_is_foreign(table, n) for n in (*above, *inner))
+        and all(re.match(r"\W*[^\W\d_]{2}", table.quotes[n]) for n in above)
+        and _at_the_end(table, below)
+        and (not inner or _loses_nothing(clues, mapping, rough, inner))
+    ):
+        clues.questions = [q for q in clues.questions if q.key != "broken_lines"]
+
+
+def _at_the_end(table: Table, lines: list[int]) -> bool:
+    """Return whether lines below all rows are one that is cut, or several that begin with no number, as statistics."""
+    quotes = [table.quotes.get(n, "") for n in lines]
+    if len(lines) == 1:
+        label = (
+            bool(re.search(r"\d", quotes[0]))
+            and is_label(items(quotes[0]))
+            and len(re.findall(r"[^\W\d_]+", quotes[0])) < _WORDS
+        )
+        begun = (
+            bool(re.match(r"[^,;\t|]", quotes[0])) and not label and GARBLED not in quotes[0]
+        )  # what is cut has its first field
+        return begun and _values_of(quotes[0]) <= _usual(table)
+    return len(lines) <= _MOST_BELOW and all(q and not re.match(r"[\s|;,\"']*[-+]?\.?\d", q) for q in quotes)
+
+
+def _is_foreign(table: Table, line: int) -> bool:
+    """Return whether a line names no strip, channel, time or scan, and holds far fewer values than the table's do."""
+    quote = table.quotes.get(line, "")
+    words = re.findall(r"[^\W\d_][\w]*", _STAMP.sub(" ", quote))
+    return _values_of(quote) < _FEW_VALUES * _usual(table) and not any(
+        meaning(w).role in ("reading", "strip", "scan") for w in words
+    )
+
+
+def _usual(table: Table) -> int:
+    """Return how many values a line of a table holds, but for a time before it."""
+    return Counter(table.lines).most_common(1)[0][1] * (len(table.names) - (CLOCK in table.names))
+
+
+def _values_of(quote: str) -> int:
+    """Return how many numbers and words for nothing a line holds, but for a time of day."""
+    plain = _STAMP.sub(" ", quote)
+    voids = sum(says_nothing(w) for w in re.split(r"[\s;,|]+", plain) if w)
+    return len(_NUMBER.findall(plain)) + voids
+
+
+def _loses_nothing(clues: Clues, mapping: ColumnMapping, rough: list[LogScan], inner: list[int]) -> bool:
+    """Return whether scans follow each other evenly and are whole where such lines stand, which hold few values."""
+    table = clues.table
+    if not mapping.time or len(rough) < _FEW:
+        return False
+    dropped: list[int] = []
+    try:
+        scans(table, mapping, dropped)
+    except ReadingError:
+        return False
+    times, lines = np.array([s.time_s for s in rough]), np.array([s.line for s in rough])
+    steps = np.diff(times)
+    usual = float(np.median(steps))
+    even = np.abs(steps - usual) < (_GAP - 1.0) * usual
+    at = [int(np.searchsorted(lines, n)) - 1 for n in inner]
+    return not dropped and float(np.mean(even)) >= _REGULAR and all(even[min(k, len(even) - 1)] for k in at)
