@@ -258,20 +258,6 @@ def test_a_supply_that_cannot_be_the_specs_is_told(
     assert [s.partition(":")[0] for s in said] == [text] * told
 
 
-def test_a_count_of_late_scans_that_grows_is_told(clock: Clock, tmp_path: Path) -> None:
-    device = Rogue(clock)
-    device.late = 3  # of an earlier run
-
-    def then(_: Rogue, n: int) -> None:
-        if n in (50, 150):
-            device.late = {50: 3, 150: 9}[n]
-            device.out += device.hello()
-
-    which, _, said = recorded(device, tmp_path, then=then)
-    assert which == list(range(SCANS))
-    assert said == ["6 scan(s) began a period or more too late, says the device; ask for a lower rate"]
-
-
 def test_another_unit_that_goes_on_where_the_first_was_is_refused_by_its_hello(
     clock: Clock, tmp_path: Path
 ) -> None:

@@ -136,7 +136,7 @@ class SerialSource:
         self._due: int | None = None  # the number after the last scan's
         self._held: _HeldScans | None = None
         self._troubles = Troubles(lambda text: self.on_message(text))
-        self._odd, self._late = 0, self.hello.late
+        self._odd = 0
         self._started_s = -_START_S
         self._flood_s, self._flood_scans, self._flooded = 0.0, 0, False
         self._slow_from: _WindowStart | None = None
@@ -207,10 +207,6 @@ class SerialSource:
                 if isinstance(message, Hello):
                     check_unit(message, self.hello)
                     self._check_supply(message, now_s)
-                    if message.late > self._late:
-                        text = f"{message.late - self._late} scan(s) began a period or more too late, says the device"
-                        self._troubles.say("late", f"{text}; ask for a lower rate", now_s)
-                    self._late = message.late
                     if not message.streaming:
                         identified = True
                         if streaming:
