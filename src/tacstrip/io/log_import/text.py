@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from tacstrip.errors import ReadingError
+from tacstrip.io.log_import.announced import with_announced
 from tacstrip.io.log_import.changes import in_parts
 from tacstrip.io.log_import.channel_names import strips_told_otherwise, with_channel_names
 from tacstrip.io.log_import.conversion import resolutions
@@ -175,7 +176,12 @@ def _in_utf16(raw: bytes, file: Path, name: str) -> str:
 
 def of_text(text: str, path: str | Path = "the log") -> Table:
     """Return a text as a table in normal form; errors as of `read_table`."""
-    return with_retries(text, lambda strays: _with_lines(_of_lines(text, path, strays), text))
+    return with_retries(text, lambda strays: _with_lines(_announced(text, path, strays), text))
+
+
+def _announced(text: str, path: str | Path, strays: frozenset[int]) -> Table:
+    table = _of_lines(text, path, strays)
+    return with_announced(table, text, lambda other: _of_lines(other, path, strays))
 
 
 def _with_lines(table: Table, text: str) -> Table:
