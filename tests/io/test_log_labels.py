@@ -50,3 +50,55 @@ def test_a_duration_in_such_headings_is_no_time() -> None:
     text = "".join(f"PRESS {n} - 2 s\n{block}\n" for n, block in enumerate((FIRST, LAST), 1))
     with pytest.raises(Unanswered, match="rate_hz"):
         propose(of_text(text), SENSOR)
+
+
+def _table_with(note: str, *, factor: float) -> str:
+    row = "{:.1f},{:.3f},{:.3f},{:.3f},{:.3f}"
+    lines = [row.format(0.1 * n, *(v * (factor if n > 3 else 1.0) for v in (3.0 + 0.01 * n, 1.8, 2.9, 1.7 + 0.01 * n)))
+             for n in range(8)]  # fmt: skip
+    return "\n".join(["time_s,h1,l1,h2,l2", *lines[:4], note, *lines[4:]]) + "\n"
+
+
+@pytest.mark.parametrize(
+    "note",
+    [">> affichage en fraction de Vcc", ">> tu\u015f: \u015fimdi Vcc oran\u0131", ">> ratio mode",
+     "mode button pressed", "MODE 2", "tryb wzgledny", "# \u663e\u793a\u6bd4\u4f8b"],
+)  # fmt: skip
+def test_a_line_of_words_where_all_readings_jump_is_asked(note: str) -> None:
+    sensor = replace(SENSOR, strips=2)
+    with pytest.raises(Unanswered, match="line 6 says"):
+        propose(of_text(_table_with(note, factor=0.2)), sensor)
+
+
+@pytest.mark.parametrize("note", ["looks ok", "wifi reconnected", ">> harder", "battery low"])
+def test_words_at_which_nothing_jumps_cost_nothing(note: str) -> None:
+    found = propose(of_text(_table_with(note, factor=1.0)), replace(SENSOR, strips=2))
+    assert len(found.scans) == 8
+    assert not found.doubts
+
+
+@pytest.mark.parametrize(
+    "note",
+    [
+        "# alimentation: sur batterie, 4,1 V",
+        "# \u6539\u7528\u7535\u6c60\u4f9b\u7535\uff0c4,1 V",
+        "# runs on lipo now",
+        "# jetzt am Akku",
+    ],
+)
+def test_another_supply_among_the_readings_is_asked_in_any_language(note: str) -> None:
+    with pytest.raises(Unanswered, match="line 6 says"):
+        propose(of_text(_table_with(note, factor=0.9)), replace(SENSOR, strips=2))
+    part = propose(
+        of_text(_table_with(note, factor=0.9)), replace(SENSOR, strips=2), {"part": "above line 6"}
+    )
+    assert len(part.scans) == 4
+
+
+@pytest.mark.parametrize("bits", [8, 10])
+def test_whole_numbers_up_to_a_hundred_are_codes_or_percent(bits: int) -> None:
+    text = "t,h1,l1,h2,l2\n" + "".join(f"{0.1 * n:.1f},{57 + n},30,{51 + n},{27 + n}\n" for n in range(8))
+    sensor = replace(SENSOR, strips=2, adc_bits=bits)
+    with pytest.raises(Unanswered, match="unit=percent"):
+        propose(of_text(text), sensor)
+    assert propose(of_text("# raw ADC codes\n" + text), sensor).mapping.unit == "code"
