@@ -31,6 +31,7 @@ _SOURCE = re.compile(
 )
 _LEVEL = re.compile(r"\blow\b|schwach|leer|faible|baj[ao]|bassa|fraca|weak|empty|charg|warn|ok\b", re.IGNORECASE)
 _VOLTS = re.compile(r"(\d+(?:[.,]\d+)?)\s?(m?)V(?:olts?)?(?!\w)", re.IGNORECASE)
+_TOLD = re.compile(r"(?:batter\w*|bater\w*|akku|accu|lipo|pile|pila|pil)[\s:=]*\d", re.IGNORECASE)  # its level
 _LIKE_VREF = (0.6, 1.7)  # times Vref: what a sensor may be fed with instead
 _AS_VREF = 0.02  # relative
 _DRAWN = re.compile(r"\A[\s>*~=+.-]+(?=[^\W\d_])")
@@ -85,10 +86,10 @@ def names_a_supply(line: str, vref: float) -> bool:
     --------
     >>> names_a_supply("# runs on lipo now", 5.0), names_a_supply("# sur batterie, 4,1 V", 5.0)
     (True, True)
-    >>> names_a_supply("# battery 2.7 V", 5.0), names_a_supply("# battery low", 5.0), names_a_supply("# USB 5.0 V", 5.0)
+    >>> names_a_supply("# battery 3.9 V", 5.0), names_a_supply("# battery low", 5.0), names_a_supply("# USB 5.0 V", 5.0)
     (False, False, False)
     """
-    if not _SOURCE.search(line) or _LEVEL.search(line):
+    if not _SOURCE.search(line) or _LEVEL.search(line) or _TOLD.search(line):
         return False
     volts = [float(d.replace(",", ".")) * (1e-3 if milli else 1.0) for d, milli in _VOLTS.findall(line)]
     if not vref or not volts:
