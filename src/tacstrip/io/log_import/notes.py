@@ -32,6 +32,10 @@ _SOURCE = re.compile(
 _LEVEL = re.compile(r"\blow\b|schwach|leer|faible|baj[ao]|bassa|fraca|weak|empty|charg|warn|ok\b", re.IGNORECASE)
 _VOLTS = re.compile(r"(\d+(?:[.,]\d+)?)\s?(m?)V(?:olts?)?(?!\w)", re.IGNORECASE)
 _TOLD = re.compile(r"(?:batter\w*|bater\w*|akku|accu|lipo|pile|pila|pil)[\s:=]*\d", re.IGNORECASE)  # its level
+_FED = re.compile(
+    r"\b(?:on|from|by|via|off|now|am|vom|aus|mit|jetzt|sur|par|maintenant|con|ahora|com|agora|ora|na|teraz|op|nu)\b",
+    re.IGNORECASE,
+)
 _LIKE_VREF = (0.6, 1.7)  # times Vref: what a sensor may be fed with instead
 _AS_VREF = 0.02  # relative
 _DRAWN = re.compile(r"\A[\s>*~=+.-]+(?=[^\W\d_])")
@@ -93,7 +97,7 @@ def names_a_supply(line: str, vref: float) -> bool:
         return False
     volts = [float(d.replace(",", ".")) * (1e-3 if milli else 1.0) for d, milli in _VOLTS.findall(line)]
     if not vref or not volts:
-        return bool(volts) or not re.search(r"\d", line)
+        return bool(volts or _FED.search(line)) or not line.isascii()
     return any(_LIKE_VREF[0] <= v / vref <= _LIKE_VREF[1] and abs(v - vref) > _AS_VREF * vref for v in volts)
 
 
