@@ -102,3 +102,33 @@ def test_whole_numbers_up_to_a_hundred_are_codes_or_percent(bits: int) -> None:
     with pytest.raises(Unanswered, match="unit=percent"):
         propose(of_text(text), sensor)
     assert propose(of_text("# raw ADC codes\n" + text), sensor).mapping.unit == "code"
+
+
+BLOCK = "strip 0  high=none  low=none\nstrip 1  high={:.2f}V  low=1.65V\nstrip 2  high=2.79V  low=1.26V\n"
+
+
+def _in_blocks(labels: tuple[str, ...]) -> str:
+    return "".join(f"{labels[n % len(labels)]}\n{BLOCK.format(2.2 + 0.05 * n)}" for n in range(8))
+
+
+@pytest.mark.parametrize(
+    "labels",
+    [("--- left hand pad ---", "--- right hand pad ---"), ("Board A:", "Board B:"), ("# thumb", "# index finger"),
+     ("Sensor links", "Sensor rechts"), ("== L ==", "== R ==")],
+)  # fmt: skip
+def test_labels_that_take_turns_above_blocks_name_sensors(labels: tuple[str, ...]) -> None:
+    sensor = replace(SENSOR, strips=3, strip_base=0)
+    with pytest.raises(Unanswered, match="are these of 2 sensors") as asked:
+        propose(of_text(_in_blocks(labels)), sensor, {"rate_hz": "50"})
+    (question,) = asked.value.questions
+    one, other, every = (
+        propose(of_text(_in_blocks(labels)), sensor, {"rate_hz": "50", question.key: choice}).scans
+        for choice in question.choices
+    )
+    assert (len(one), len(other), len(every)) == (4, 4, 8)
+
+
+@pytest.mark.parametrize("label", ["--- pad ---", "scan", "next"])
+def test_one_label_above_all_blocks_names_no_sensor(label: str) -> None:
+    found = propose(of_text(_in_blocks((label,))), replace(SENSOR, strips=3, strip_base=0), {"rate_hz": "50"})
+    assert len(found.scans) == 8

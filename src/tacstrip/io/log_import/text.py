@@ -33,6 +33,7 @@ from tacstrip.io.log_import.labels import with_labels
 from tacstrip.io.log_import.literals import one_page, unwrapped
 from tacstrip.io.log_import.names import OTHER_SCRIPT, meaning, meanings, pair_of
 from tacstrip.io.log_import.nested import documents
+from tacstrip.io.log_import.owners import with_owners
 from tacstrip.io.log_import.pandas_print import of_pandas
 from tacstrip.io.log_import.records import STEADY, Item, is_label, items, named_values, of_literals
 from tacstrip.io.log_import.runs import of_runs
@@ -181,7 +182,8 @@ def of_text(text: str, path: str | Path = "the log") -> Table:
 
 def _announced(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     table = _of_lines(text, path, strays)
-    return with_announced(table, text, lambda other: _of_lines(other, path, strays))
+    table = with_announced(table, text, lambda other: _of_lines(other, path, strays))
+    return with_owners(table, text)
 
 
 def _with_lines(table: Table, text: str) -> Table:
