@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 import tacstrip as ts
+from tacstrip.io.log_import.containers import read_table
 from tacstrip.io.log_import.guess import propose
 from tacstrip.io.log_import.questions import Unanswered
 from tacstrip.io.log_import.text import of_text
@@ -132,3 +134,30 @@ def test_labels_that_take_turns_above_blocks_name_sensors(labels: tuple[str, ...
 def test_one_label_above_all_blocks_names_no_sensor(label: str) -> None:
     found = propose(of_text(_in_blocks((label,))), replace(SENSOR, strips=3, strip_base=0), {"rate_hz": "50"})
     assert len(found.scans) == 8
+
+
+def test_a_column_of_two_words_is_asked_as_that_of_the_ends() -> None:
+    text = "t;strip;end;reading_mV\n" + "".join(
+        f"{0.1 * n:.1f};{strip};{end};{volts + n}\n"
+        for n in range(6) for strip in (0, 1) for end, volts in (("supply side", 2800), ("ground side", 1700))
+    )  # fmt: skip
+    sensor = replace(SENSOR, strips=2, strip_base=0)
+    with pytest.raises(Unanswered, match="does it say which end") as asked:
+        propose(of_text(text), sensor)
+    assert asked.value.questions[0].choices == ("which", "skip")
+    found = propose(of_text(text), sensor, {"end": "which"})
+    assert found.scans[0].values[0].tolist() == pytest.approx([2.8, 1.7], rel=1e-3) or found.mapping.unit == "mV"
+
+
+def test_matrices_that_octave_saves_as_text_are_read_whatever_the_ending(tmp_path: Path) -> None:
+    rows = "\n".join(" ".join(f"{v + 0.01 * n:.4f}" for v in (2.8, 2.9)) for n in range(6))
+    low = rows.replace("2.", "1.")
+    text = f"# Created by Octave 8.4.0\n# name: Vhigh\n# type: matrix\n# rows: 6\n# columns: 2\n{rows}\n\n\n"
+    text += f"# name: Vlow\n# type: matrix\n# rows: 6\n# columns: 2\n{low}\n"
+    (tmp_path / "x.mat").write_text(text)
+    (tmp_path / "x.txt").write_text(text)
+    one, other = (read_table(tmp_path / name) for name in ("x.mat", "x.txt"))
+    assert one.rows == other.rows
+    (tmp_path / "binary.mat").write_bytes(b"MATLAB 5.0 MAT-file" + bytes(200))
+    with pytest.raises(ts.ReadingError, match="export it as CSV"):
+        read_table(tmp_path / "binary.mat")

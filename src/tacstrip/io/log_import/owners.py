@@ -1,4 +1,4 @@
-"""Lines of words which alternate above blocks of readings, as "--- left pad ---" and "--- right pad ---": which sensor?"""
+"""Labels in words that take turns above blocks of readings, as "--- left pad ---": which sensor is meant is asked."""
 
 from __future__ import annotations
 
