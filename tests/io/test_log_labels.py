@@ -146,7 +146,9 @@ def test_a_column_of_two_words_is_asked_as_that_of_the_ends() -> None:
         propose(of_text(text), sensor)
     assert asked.value.questions[0].choices == ("which", "skip")
     found = propose(of_text(text), sensor, {"end": "which"})
-    assert found.scans[0].values[0].tolist() == pytest.approx([2.8, 1.7], rel=1e-3) or found.mapping.unit == "mV"
+    assert (
+        found.scans[0].values[0].tolist() == pytest.approx([2.8, 1.7], rel=1e-3) or found.mapping.unit == "mV"
+    )
 
 
 def test_matrices_that_octave_saves_as_text_are_read_whatever_the_ending(tmp_path: Path) -> None:
@@ -161,3 +163,25 @@ def test_matrices_that_octave_saves_as_text_are_read_whatever_the_ending(tmp_pat
     (tmp_path / "binary.mat").write_bytes(b"MATLAB 5.0 MAT-file" + bytes(200))
     with pytest.raises(ts.ReadingError, match="export it as CSV"):
         read_table(tmp_path / "binary.mat")
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        "10:12:33,{}23 - padreader - INFO - frame {}: ",
+        "2024-03-05 10:12:33.{}23 INFO scan {} = ",
+        "cycle {1}: ",
+    ],
+)
+def test_a_counted_list_of_pairs_is_a_scan_of_its_number(head: str) -> None:
+    lists = [
+        "[None, None, None]",
+        *(f"[None, ({2.8 + 0.05 * n:.2f}, 1.7), None]" for n in range(5)),
+        "[(2.2, 1.9), None, None]",
+    ]
+    text = "\n".join(head.format(n, n) + values for n, values in enumerate(lists))
+    timed = {} if "{}" in head else {"rate_hz": "10"}
+    found = propose(of_text(text), replace(SENSOR, strips=3, strip_base=0), timed)
+    assert [bool((s.values > 0.0).any()) for s in found.scans] == [False] + 6 * [True]
+    assert found.scans[1].values[1].tolist() == pytest.approx([2.8, 1.7])
+    assert found.scans[6].values[0].tolist() == pytest.approx([2.2, 1.9])

@@ -29,9 +29,13 @@ _SOURCE = re.compile(
     r"|\u043f\u0438\u0442\u0430\u043d|\u96fb\u6e90|\u7535\u6e90|\u4f9b\u7535|\bv_?ref\b|\bv_?cc\b|\bv_?dd\b",
     re.IGNORECASE,
 )
-_LEVEL = re.compile(r"\blow\b|schwach|leer|faible|baj[ao]|bassa|fraca|weak|empty|charg|warn|ok\b", re.IGNORECASE)
+_LEVEL = re.compile(
+    r"\blow\b|schwach|leer|faible|baj[ao]|bassa|fraca|weak|empty|charg|warn|ok\b", re.IGNORECASE
+)
 _VOLTS = re.compile(r"(\d+(?:[.,]\d+)?)\s?(m?)V(?:olts?)?(?!\w)", re.IGNORECASE)
-_TOLD = re.compile(r"(?:batter\w*|bater\w*|akku|accu|lipo|pile|pila|pil)[\s:=]*\d", re.IGNORECASE)  # its level
+_TOLD = re.compile(
+    r"(?:batter\w*|bater\w*|akku|accu|lipo|pile|pila|pil)[\s:=]*\d", re.IGNORECASE
+)  # its level
 _FED = re.compile(
     r"\b(?:on|from|by|via|off|now|am|vom|aus|mit|jetzt|sur|par|maintenant|con|ahora|com|agora|ora|na|teraz|op|nu)\b",
     re.IGNORECASE,
@@ -107,11 +111,15 @@ def ask_for_notes(clues: Clues, rough: list[LogScan]) -> None:
         return
     steps = _steps(rough)
     at = [(n, text, _at(rough, n)) for n, text in clues.table.notes]
-    noted = {k for *_, k in at} if len(at) <= _FEW else set()  # where each scan has one, these are steps as others
+    noted = (
+        {k for *_, k in at} if len(at) <= _FEW else set()
+    )  # where each scan has one, these are steps as others
     sizes = {k: abs(step) for k, (step, _) in steps.items()}
     for line, text, k in at:
         step, alike = steps.get(k, (0.0, False))
-        others = max((size for place, size in sizes.items() if place != k and place not in noted), default=0.0)
+        others = max(
+            (size for place, size in sizes.items() if place != k and place not in noted), default=0.0
+        )
         if alike and abs(step) > max(np.log(_JUMP), _OTHERS * others):
             clues.ask(
                 PART,

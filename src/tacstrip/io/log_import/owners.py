@@ -45,7 +45,9 @@ def with_owners(table: Table, text: str) -> Table:
     labels = list(dict.fromkeys(found.values()))
     places = sorted(found)
     ends = [*places[1:], rows[-1] + 1]
-    sizes = [bisect.bisect_left(rows, b) - bisect.bisect_left(rows, a) for a, b in zip(places, ends, strict=False)]
+    sizes = [
+        bisect.bisect_left(rows, b) - bisect.bisect_left(rows, a) for a, b in zip(places, ends, strict=False)
+    ]
     if {"l", "h"} <= {label.casefold() for label in labels}:
         return table
     if not 1 < len(labels) <= _MOST or min(sizes) < 1 or rows[0] < places[0]:
