@@ -185,3 +185,11 @@ def test_a_counted_list_of_pairs_is_a_scan_of_its_number(head: str) -> None:
     assert [bool((s.values > 0.0).any()) for s in found.scans] == [False] + 6 * [True]
     assert found.scans[1].values[1].tolist() == pytest.approx([2.8, 1.7])
     assert found.scans[6].values[0].tolist() == pytest.approx([2.2, 1.9])
+
+
+@pytest.mark.parametrize("day", ["03/05/24", "03/05/2024", "2024-03-05"])
+def test_the_blank_before_pm_is_within_a_field(day: str) -> None:
+    rows = "".join(f"{n + 1},{day} 02:14:0{n} PM,{2.8 + 0.1 * n:.3f},1.7,2.9,1.6\n" for n in range(6))
+    found = propose(of_text(f"No,Date Time,h1,l1,h2,l2\n{rows}"), replace(SENSOR, strips=2))
+    assert [s.time_s - found.scans[0].time_s for s in found.scans] == pytest.approx(range(6))
+    assert found.scans[0].values.ravel().tolist() == pytest.approx([2.8, 1.7, 2.9, 1.6])

@@ -742,8 +742,9 @@ def _separator(data: list[tuple[int, str]], path: str | Path) -> tuple[str, int]
         width, many = max(Counter(map(len, split)).items(), key=lambda item: (item[0] > 1, item[1]))
         if width > 1:
             several = sum(
-                _SEVERAL.search(f) is not None and not is_value(f, ".") for row in split for f in row
-            )
+                _SEVERAL.search(f) is not None and not is_value(f, ".") and clock_seconds(f) is None
+                for row in split for f in row
+            )  # fmt: skip
             share = (many - several) / len(data)  # a field of two numbers is none
             ranked.append(
                 (share if separator.strip() or separator == "\t" else 0.99 * share, separator, width)
