@@ -193,3 +193,9 @@ def test_the_blank_before_pm_is_within_a_field(day: str) -> None:
     found = propose(of_text(f"No,Date Time,h1,l1,h2,l2\n{rows}"), replace(SENSOR, strips=2))
     assert [s.time_s - found.scans[0].time_s for s in found.scans] == pytest.approx(range(6))
     assert found.scans[0].values.ravel().tolist() == pytest.approx([2.8, 1.7, 2.9, 1.6])
+
+
+def test_an_event_at_the_end_that_is_read_as_an_empty_scan_is_doubted() -> None:
+    rows = "".join(f"0.{n},{2.8 + 0.1 * n:.3f},1.7,2.9,1.6,\n" for n in range(6))
+    found = propose(of_text(f"t,h1,l1,h2,l2,stopped\n{rows}0.6,,,,,Logged\n"), replace(SENSOR, strips=2))
+    assert len(found.scans) == 6 or any("Logged" in doubt for doubt in found.doubts)
