@@ -721,7 +721,9 @@ def _channels(
         chosen = dict.fromkeys(readings, "h")
     else:
         for odd in [n for n, m in readings.items() if m.channel not in ("h", "l")]:
-            if len(fields := {*clues.table.column(odd)}) == _ENDS and all(number_of(f) is None for f in fields):
+            if len(fields := {*clues.table.column(odd)}) == _ENDS and all(
+                number_of(f) is None for f in fields
+            ):
                 shown = " and ".join(map(repr, sorted(fields)))
                 clues.ask(odd, f"{odd!r} is {shown}: does it say which end a line is of?", "which", "skip")
                 continue
