@@ -173,4 +173,4 @@ def test_a_note_without_a_jump_is_a_doubt(note: str) -> None:
     pad = ts.Sensor(construction="crs-crs", strips=3, pitch_mm=6.0, length_mm=80.0, vref_volt=5.0)
     found = propose(of_text(noted(note, 1.0)), pad)
     assert len(found.scans) == 12
-    assert sum("notes that change nothing" in d for d in found.doubts) == 1
+    assert sum("taken as notes" in d for d in found.doubts) == 1

@@ -30,6 +30,7 @@ from tacstrip.io.log_import.statements import in_blocks_said, order_said, strips
 from tacstrip.io.log_import.table import CLOCK, PART, ROW
 
 _ABOVE = 0.95  # of the strips: k_h is above k_l there, and so the names are clear
+_ENDS = 2  # of a strip
 _APART = 0.004  # over the largest reading: by which k_h and k_l differ, in the median
 CLOCK_BITS = (16, 32)
 _AS_LONG, _LATE_S = (
@@ -738,6 +739,12 @@ def _channels(
         chosen = dict.fromkeys(readings, "h")
     else:
         for odd in [n for n, m in readings.items() if m.channel not in ("h", "l")]:
+            if len(fields := {*clues.table.column(odd)}) == _ENDS and all(
+                number_of(f) is None for f in fields
+            ):
+                shown = " and ".join(map(repr, sorted(fields)))
+                clues.ask(odd, f"{odd!r} is {shown}: does it say which end a line is of?", "which", "skip")
+                continue
             clues.ask(odd, f"is {odd!r} v_h, v_l, or neither?", "h", "l", "skip", *_strip_too(clues, odd))
         chosen = dict.fromkeys(readings, "h")
         clues.stop()

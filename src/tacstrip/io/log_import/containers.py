@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import importlib
+import re
 import tempfile
 import zipfile
 import zlib
@@ -28,6 +29,7 @@ from tacstrip.io.log_import.text import decoded, of_text
 _MOST_UNPACKED = 2**28  # bytes
 _MOST_ROWS = 2**20  # of a sheet, as the form sets it
 _MOST_NUMBERS = 2**25  # of a file: as many take gigabytes
+_START = 4096  # bytes that tell a text
 _LONG = 100  # characters of a library's message
 
 
@@ -65,7 +67,7 @@ def read_table(path: str | Path, sheet: str | None = None) -> Table:
                 return _of_archive(_archive(file), path)
             case ".parquet":
                 return of_columns(_parquet(file))
-            case ".xls" | ".ods" | ".mat" | ".h5" | ".hdf5":
+            case ".xls" | ".ods" | ".mat" | ".h5" | ".hdf5" if not _is_text(file):
                 raise ReadingError(f"{path}: not a form that is read here; export it as CSV")
             case _:
                 return of_text(decoded(file), path)
@@ -73,6 +75,13 @@ def read_table(path: str | Path, sheet: str | None = None) -> Table:
         raise ReadingError(f"{path}: no such file") from None
     except OSError as error:
         raise ReadingError(f"{path}: cannot be read ({error.strerror or error})") from None
+
+
+def _is_text(file: Path) -> bool:
+    """Return whether a file is plain text whatever its ending says, as Octave saves matrices under .mat."""
+    with file.open("rb") as stream:
+        start = stream.read(_START)
+    return bool(start) and not re.search(rb"[\0-\x08\x0e-\x1f]", start) and not start.startswith(b"MATLAB")
 
 
 def _of_gzip(file: Path, sheet: str | None) -> Table:

@@ -43,7 +43,7 @@ _COMPACT = re.compile(r"(\d{4})(\d\d)(\d\d)[T_ -](\d\d)(\d\d)(\d\d(?:\.\d+)?)")
 _MINUTES = re.compile(r"(\d{1,3}):(\d\d(?:[.,]\d+)?)")
 _HALF = r"\s*[AaPp]\.?[Mm]\.?"
 _WITHOUT_SECONDS = re.compile(
-    rf"(?:{_DATE}[T ,_]+\d{{1,2}}:\d\d(?=(?:{_HALF})?(?:{_ZONE})\Z)|\d{{1,2}}:\d\d(?={_HALF}\Z))"
+    rf"(?:{_DATE}[T ,_]+\d{{1,2}}:\d\d(?=(?:{_HALF})?(?:{_ZONE})\Z)|(?<![\d:])\d{{1,2}}:\d\d(?={_HALF}\Z))"
 )
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 
@@ -166,8 +166,8 @@ def clock_seconds(text: str, day_first: bool = False) -> float | None:
     --------
     >>> clock_seconds("3:04:05,5 PM"), clock_seconds("01:02.5"), clock_seconds("2.5")
     (54245.5, 62.5, None)
-    >>> clock_seconds("2026-03-14 14:05") % 86400.0, clock_seconds("2:05 PM")
-    (50700.0, 50700.0)
+    >>> clock_seconds("2026-03-14 14:05") % 86400.0, clock_seconds("2:05 PM"), clock_seconds("2:05:00 PM")
+    (50700.0, 50700.0, 50700.0)
     """
     text = _WITHOUT_SECONDS.sub(r"\g<0>:00", text.strip(), count=1)
     if found := _MINUTES.fullmatch(text):

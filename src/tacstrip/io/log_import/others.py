@@ -43,6 +43,7 @@ def drop_others(clues: Clues, found: Columns) -> None:
         if alien[n] or (said and empty and table.lines[n] not in table.empty)
     ]
     if not out:
+        _doubt_events(clues, void, own | keys)
         return
     lines = ", ".join(str(table.lines[n]) for n in out[:_SHOWN]) + (", ..." if len(out) > _SHOWN else "")
     others_only = all(alien[n] for n in out)
@@ -60,3 +61,16 @@ def drop_others(clues: Clues, found: Columns) -> None:
         )
     kept = [n for n in range(len(table.rows)) if n not in {*out}]
     clues.table = replace(table, rows=[table.rows[n] for n in kept], lines=[table.lines[n] for n in kept])
+
+
+def _doubt_events(clues: Clues, void: list[bool], known: set[str]) -> None:
+    """Doubt an empty scan at the very end whose line has words where no other line has any, as of a logger's events."""
+    table = clues.table
+    if not void[-1] or any(void[:-1]):
+        return
+    said = [row for n in table.names if n not in known and (row := table.column(n))[-1] and not any(row[:-1])]
+    if said:
+        clues.doubt(
+            f"line {table.lines[-1]} has nothing of a strip, and {said[0][-1]!r}: taken as a scan in which nothing is "
+            "touched; if it is an event, take the line out"
+        )

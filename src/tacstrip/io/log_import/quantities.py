@@ -67,6 +67,8 @@ _ALARM = re.compile(
 _OVER_RANGE = re.compile(
     r"\++|\+?(?:over(?:range|load)?|o\.?l\.?|ovl?d|burnout|inf)", re.IGNORECASE
 )  # of loggers
+_CODES_SAID = re.compile(r"\b(?:adc|raw|codes?|counts?|lsbs?|digits?)\b", re.IGNORECASE)
+_PERCENT = (20.0, 100.0)  # between which the largest reading of a sensor in percent lies as a rule
 _ANALOG_READ = re.compile(r"\banalogRead\b")  # of Arduino: it returns the converter's codes
 _BITS_TOLD = re.compile(r"\b(\d{1,2})[\s_-]?bits?\b", re.IGNORECASE)
 _UNIT_TOLD = re.compile(
@@ -728,6 +730,8 @@ def _by_size(clues: Clues, values: FloatArray, vref: float, bits: int, volts: bo
     ):
         best = max(best, _MUCH)  # so few of the millivolts, and not on the converter's steps of them
     likely = [u for u, used in fits.items() if used >= _LITTLE or best < _MUCH]
+    if not likely and {*fits} == {"code", "mV"}:
+        likely = ["code"]  # not those millivolts, however few codes they are
     if volts and not whole and "V" in fits:
         likely = list(fits)
     if volts and whole and len(fits) > 1:
@@ -741,6 +745,12 @@ def _by_size(clues: Clues, values: FloatArray, vref: float, bits: int, volts: bo
             clues.doubt(
                 f"readings reach {top:g}: taken as codes, of which adc_bits speaks; else --answer unit=mV"
             )
+    if (
+        whole and bits and likely == ["code"] and _PERCENT[0] < top <= _PERCENT[1]
+        and not (told_bits or volts or {"adc_bits", "coding"} & {*clues.answers} or _raw_said(clues))
+        and not (_ANALOG_READ.search(above) or _CODES_SAID.search(above))
+    ):  # fmt: skip
+        likely.append("percent")  # codes of touched strips seldom stay below that
     if likely == ["fraction"] and vref:
         likely.append("V")  # a light touch reads as little
     if likely == ["mV"] and vref and fits["mV"] < _LITTLE and top <= rare["permille"]:

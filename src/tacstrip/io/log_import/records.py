@@ -380,10 +380,11 @@ def _gathered(parsed: list[tuple[int, list[Item]]], texts: Mapping[int, str]) ->
     elif void and not strips:
         strange += [line for _, line, _ in void]
     elif void:
+        inner = next(list(r) for r in records if frozenset(r) == usual)
         shown = next(r[strips[0]] for r in records if strips[0] in r)
         for place, line, told in reversed(void):
             if {*told} <= usual:
-                records.insert(place, dict.fromkeys(usual, "") | told | {strips[0]: shown})
+                records.insert(place, dict.fromkeys(inner, "") | told | {strips[0]: shown})
                 lines.insert(place, line)
                 pieces.insert(place, [])
                 empty.add(line)

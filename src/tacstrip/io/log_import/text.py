@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from tacstrip.errors import ReadingError
+from tacstrip.io.log_import.announced import with_announced
 from tacstrip.io.log_import.changes import in_parts
 from tacstrip.io.log_import.channel_names import strips_told_otherwise, with_channel_names
 from tacstrip.io.log_import.conversion import resolutions
@@ -33,6 +34,7 @@ from tacstrip.io.log_import.labels import with_labels
 from tacstrip.io.log_import.literals import one_page, unwrapped
 from tacstrip.io.log_import.names import OTHER_SCRIPT, meaning, meanings, pair_of
 from tacstrip.io.log_import.nested import documents
+from tacstrip.io.log_import.owners import with_owners
 from tacstrip.io.log_import.pandas_print import of_pandas
 from tacstrip.io.log_import.records import STEADY, Item, is_label, items, named_values, of_literals
 from tacstrip.io.log_import.runs import of_runs
@@ -185,7 +187,13 @@ def of_text(text: str, path: str | Path = "the log") -> Table:
             f"{path}: line {text.count(chr(10), 0, endless.start()) + 1}: {len(endless.group())} characters and more "
             f"without an end ({endless.group()[:10]}...); damaged, or no log: take them out"
         )
-    return with_retries(text, lambda strays: _with_lines(_of_lines(text, path, strays), text))
+    return with_retries(text, lambda strays: _with_lines(_announced(text, path, strays), text))
+
+
+def _announced(text: str, path: str | Path, strays: frozenset[int]) -> Table:
+    table = _of_lines(text, path, strays)
+    table = with_announced(table, text, lambda other: _of_lines(other, path, strays))
+    return with_owners(table, text)
 
 
 def _with_lines(table: Table, text: str) -> Table:
@@ -798,8 +806,9 @@ def _separator(data: list[tuple[int, str]], path: str | Path) -> tuple[str, int]
         width, many = max(Counter(map(len, split)).items(), key=lambda item: (item[0] > 1, item[1]))
         if width > 1:
             several = sum(
-                _SEVERAL.search(f) is not None and not is_value(f, ".") for row in split for f in row
-            )
+                _SEVERAL.search(f) is not None and not is_value(f, ".") and clock_seconds(f) is None
+                for row in split for f in row
+            )  # fmt: skip
             share = (many - several) / len(data)  # a field of two numbers is none
             ranked.append(
                 (share if separator.strip() or separator == "\t" else 0.99 * share, separator, width)
