@@ -46,7 +46,7 @@ _DRAWN = re.compile(r"\A[\s>*~=+.-]+(?=[^\W\d_])")
 _LONGEST = 100  # characters of a line that are quoted
 _JUMP = 1.3  # times: readings that jump less may move so
 _OTHERS = 2.0  # times the largest other step
-_ALIKE = 0.35  # of the step: so much may it differ from reading to reading
+_ALIKE = 0.2  # of the step: so much may it differ from reading to reading
 
 
 def notes_among(text: str, lines: Sequence[int]) -> tuple[tuple[int, str], ...]:
