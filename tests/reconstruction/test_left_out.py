@@ -12,12 +12,15 @@ from typing import Any
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from matplotlib.text import Annotation
 
 import tacstrip as ts
 from polygons import SURE, WHY
 from tacstrip.cli import cli
 from tacstrip.errors import ReadingError, SpecError
 from tacstrip.geometry.outline import Outline
+from tacstrip.io import feature_collection
+from tacstrip.plot.results import reconstruction_figure
 from tacstrip.reconstruction.cramer_rao import vertex_covariance, vertex_jacobian
 from tacstrip.sensor.calibration import Calibration
 from tacstrip.sensor.channel import Channel
@@ -163,9 +166,16 @@ def test_a_faulty_channel_says_nothing_of_untouched_strips() -> None:
     assert scan.touched.all()
     kh = scan["kh"].copy()
     kh[5] = 1.0
-    (found,) = ts.fit_polygon(ts.Scan(kh=kh, kl=scan["kl"]), SENSOR, NOISE).objects
+    scan = ts.Scan(kh=kh, kl=scan["kl"])
+    result = ts.fit_polygon(scan, SENSOR, NOISE)
+    (found,) = result.objects
     assert (found.status, found.faulty) == (SURE, ("6:v_h",))
     assert "every strip has a reading" not in found.advice
+    (feature,) = feature_collection([result])["features"]
+    assert feature["properties"]["faulty"] == ["6:v_h"]
+    readings = reconstruction_figure(SENSOR, [scan], {"polygon": [result]}).axes[-1]
+    (note,) = (t for t in readings.texts if isinstance(t, Annotation))
+    assert (note.get_text(), note.xy) == ("6:v_h not used", (SENSOR.x_mm[5], 1.0))
 
 
 @pytest.mark.parametrize("noise", [NOISE, None], ids=["told", "unknown"])

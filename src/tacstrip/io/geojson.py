@@ -90,7 +90,8 @@ def feature_collection(results: Sequence[Reconstruction]) -> dict[str, Any]:
         area_sigma_mm2, centroid_sigma_mm, orientation_sigma_rad, and vertex_sigma_mm, x and y of every vertex;
         null for what the readings do not determine. Where it was assessed, confidence, and alternatives: other
         outlines that explain the readings, each with weight and vertices_mm, and where it is of two objects the
-        other's in others_mm. Of pieces: hidden, a truth value per
+        other's in others_mm. Where channels were not used because they contradict all others, their names in
+        faulty. Of pieces: hidden, a truth value per
         corner, hidden_edges, one per edge from each corner to the next, and of those that are hidden in part
         smallest_mm and largest_mm, the outlines between which they lie. Of two layers: hidden, whether no
         reading determines a vertex, and other_scenes_mm, the outlines of other scenes that explain the readings.
@@ -170,6 +171,8 @@ def _feature(recovered: RecoveredObject | None, properties: dict[str, Any]) -> d
             properties["confidence"] = round(recovered.confidence, 4)
         if recovered.alternatives or recovered.confidence is not None:
             properties["alternatives"] = [_alternative(a) for a in recovered.alternatives]
+        if recovered.faulty:
+            properties["faulty"] = list(recovered.faulty)
         if recovered.hidden is not None:
             properties["hidden"] = recovered.hidden.tolist()
         if recovered.hidden_edges is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import shapely
@@ -38,6 +39,7 @@ from tacstrip.plot.theme import TRUE, add_axes, legend_above, new_figure, new_pa
 from tacstrip.reconstruction.result import Reconstruction
 from tacstrip.scan import Scan
 from tacstrip.sensor.layers import AnySensor, LayeredSensor
+from tacstrip.sensor.left_out import left_out
 from tacstrip.sensor.spec import Sensor
 
 _MOST_SCANS = 12  # more shapes than these overlap beyond reading
@@ -267,6 +269,7 @@ def reconstruction_figure(
         panels[0].set_title("sensor")
     panels[-2].set_title("shapes")
     _draw_readings(panels[-1], sensor, scans)
+    _name_faulty(panels[-1], sensor, scans, next(iter(results.values()), ()))
     handles, labels = _explained(panels[0], objects, True, len(touched) > 1)
     if handles:
         figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
@@ -298,6 +301,20 @@ def _draw_readings(axes: Axes, sensor: Sensor, scans: Sequence[Scan]) -> None:
     scan(scans, sensor, ax=axes)
     some = axes.get_title()
     axes.set_title(f"readings of {some}" if some else "readings")
+
+
+def _name_faulty(
+    axes: Axes, sensor: Sensor, scans: Sequence[Scan], results: Sequence[Reconstruction]
+) -> None:
+    """Write beside the readings that were not used whose they are."""
+    named = {name: n for n, result in enumerate(results) for o in result.objects for name in o.faulty}
+    for name, n in named.items():
+        for signature, strips in left_out(replace(sensor, without=(name,))).items():
+            at = int(strips.argmax())
+            axes.annotate(
+                f"{name} not used", (sensor.x_mm[at], scans[n][signature][at]), (5, 0),
+                textcoords="offset points", fontsize="small", color=TRUE, va="center",
+            )  # fmt: skip
 
 
 def _draw_frames(
