@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 
@@ -78,3 +80,37 @@ def test_strips_told_of_channels_that_are_not_to_be_matched_are_a_doubt() -> Non
     for n in SCANS:
         text += f"{n / 10}," + ",".join(f"{v:.3f}" for v in V[n].T.ravel()) + "\n"
     assert any("Kanal 1 = Streifen 4" in d for d in propose(of_text(text), PAD).doubts)
+
+
+_HEAD = "t," + ",".join(f"AI{n} (V)" for n in range(8)) + "\n"
+_FOUR = _HEAD + "".join(
+    f"{0.1 * n:.1f}," + ",".join(f"{2.0 + 0.1 * n + 0.01 * s:.3f}" for s in range(4)) + ","
+    + ",".join(f"{1.0 + 0.1 * n + 0.01 * s:.3f}" for s in range(4)) + "\n" for n in range(5)
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("note", "told"),
+    [
+        ("AI0-AI3 = upper ends of strips 4-1, AI4-AI7 = lower ends of strips 4-1", True),
+        ("AI0-AI3: obere Enden der Streifen 4 bis 1", True),
+        ("AI0 = upper end of strip 4; AI3 = upper end of strip 1", True),
+        ("AI0/AI4 = strip 3 upper/lower; AI1/AI5 = strip 1 upper/lower; AI2/AI6 = strip 4 upper/lower", True),
+        ("AI0-AI3 = upper ends of strips 1-4, AI4-AI7 = lower ends of strips 1-4", False),
+        ("AI0/AI4 = strip 1 upper/lower; AI1/AI5 = strip 2 upper/lower", False),
+        ("Range AI0: channel 4 mode 1", False),
+    ],
+)
+def test_an_order_of_strips_that_only_a_note_tells_is_a_doubt(note: str, told: bool) -> None:
+    table = of_text(f"Logger\nNotes: {note}\n{_FOUR}")
+    doubts = [d for d in table.doubts if "strips are taken in the order of the columns" in d]
+    assert len(doubts) == told
+
+
+def test_names_of_fields_in_another_part_of_a_document_are_a_doubt() -> None:
+    fields = {f"field{n + 1}": f"strip {4 - n // 2} {('high', 'low')[n % 2]}" for n in range(8)}
+    feeds = [
+        {"t": 0.1 * n} | {f"field{i + 1}": 2.0 + 0.1 * n - 0.5 * (i % 2) for i in range(8)} for n in range(4)
+    ]
+    (doubt,) = of_text(json.dumps({"channel": fields, "feeds": feeds})).doubts
+    assert "'field1 = strip 4 high': without an answer strips are" in doubt

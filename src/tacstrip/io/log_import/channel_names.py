@@ -6,15 +6,25 @@ import itertools
 import re
 from collections import Counter
 from collections.abc import Sequence
+from itertools import pairwise
 
 from tacstrip.io.log_import.fields import number_of
-from tacstrip.io.log_import.names import Meaning, meaning, meanings, pair_of
+from tacstrip.io.log_import.names import Meaning, is_strip_word, meaning, meanings, pair_of
 
 Rows = list[list[str]]
 _SEPARATORS = ("\t", ";", ",")
 _FEW = 4  # channels: of fewer, words and numbers may be anything
 _FIRST = re.compile(r"\d[\d\s.,:/T+-]*(?:Z|[AP]M)?")
 _LONGEST = 60  # characters of a channel's name
+# "AI0 = upper end of strip 8", "AI0/AI8: strip 3", '"field1": "strip 4 high"'.
+_TOLD = re.compile(
+    r"(?<!\w)(?P<label>[^\W\d_]{1,20}[ _]?\d{1,4})(?:\s*[/&]\s*\w{1,20})?[\"']?\s*(?:[:=]|->|\u2192)\s*[\"']?"
+    r"(?P<what>[^\"';,\n]{1,80})"
+)
+_NUMBERED = re.compile(
+    r"(?P<word>[^\W\d_]+)[\s#.:]{0,2}(?P<first>\d{1,4})"
+    r"(?:\s*(?:-|\u2013|\.{2,3}|(?:down )?to|bis|\u2192)\s*(?P<last>\d{1,4}))?"
+)
 _ASSIGNED = re.compile(r"\s*(?:[=:]|->|=>|\u2192)\s*")
 _UNIT = re.compile(r"[\[(][^\])]*[\])]\s*\Z")
 _FLAGGED = re.compile(r"alarm|status|flag|state|zustand", re.IGNORECASE)
@@ -176,4 +186,43 @@ def strips_told_otherwise(lines: Sequence[str]) -> list[str]:
     return [
         f"the log says {first!r} and {second!r}, which is not used: strips are as the columns are named; if those "
         "names are of channels, put the strips' into them"
+    ]
+
+
+def order_told_otherwise(text: str, names: Sequence[str]) -> list[str]:
+    """Return a doubt where a text gives columns to strips that do not rise with them, and their names tell no strip.
+
+    Examples
+    --------
+    >>> names = ["t", "AI0 (V)", "AI1 (V)", "AI2 (V)", "AI3 (V)"]
+    >>> order_told_otherwise("AI0-AI1 = upper ends of strips 2-1", names)[0][:50]
+    "the log says 'AI1 = upper ends of strips 2-1': wit"
+    >>> order_told_otherwise("AI0/AI2: strip 1, AI1/AI3: strip 2", names)
+    []
+    """
+    labels = {
+        _UNIT.sub("", name).strip().casefold(): n
+        for n, name in enumerate(names)
+        if len(re.findall(r"\d+", _UNIT.sub("", name))) == 1
+    }
+    told: dict[int, tuple[int, str]] = {}
+    falls = ""
+    for found in _TOLD.finditer(text):
+        at = labels.get(found["label"].casefold())
+        strip = next((m for m in _NUMBERED.finditer(found["what"]) if is_strip_word(m["word"])), None)
+        if at is None or strip is None:
+            continue
+        said = f"{found['label']} = {found['what'].strip()[:_LONGEST]}"
+        told[at] = int(strip["first"]), said
+        if strip["last"] and int(strip["last"]) < int(strip["first"]):
+            falls = falls or said
+    strips = [told[at][0] for at in sorted(told)]
+    # Of two ends they rise twice.
+    rises = all(b >= a or b == strips[0] for a, b in pairwise(strips)) and all(s >= strips[0] for s in strips)
+    if not falls and rises:
+        return []
+    said = falls or next(iter(told.values()))[1]
+    return [
+        f"the log says {said!r}: without an answer strips are taken in the order of the columns; say which strip and "
+        f"end a column is, as in --answer '{names[min(told)]}=8:h', or name the columns so"
     ]

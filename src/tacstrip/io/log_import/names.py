@@ -47,6 +47,10 @@ _STRIP = _words(
     "col column pin tira striscia fascia stripid stripno sid lane zone chan strap elektrode canal canale fita faixa "
     "banda strook pasek pasmo remsa listra pista kanaal serit bana kanava banden ruban strisce tiras fitas"
 )
+_INPUTS = _words(
+    "channel kanal canal canale kanaal sensor element line column electrode elektrode chan zone lane track"
+)
+_ABBREVIATED = 3  # letters of a word that may be anything in prose
 _TIME = _words(
     "t time times zeit zeitstempel tempo heure hora ora timestamp millis micros elapsed seconds sec secs uhrzeit "
     "datetime date datum temps tiempo clock stamp ts timems timeus ms us msec msecs usec usecs nsecs tick tijd tid "
@@ -191,6 +195,12 @@ class Meaning:
 
 
 @lru_cache(maxsize=2**12)
+def is_strip_word(word: str) -> bool:
+    """Whether a word of prose is one of strips, and not one that instruments have for their inputs, too."""
+    low = word.casefold()
+    return len(low) > _ABBREVIATED and low in _STRIP and low not in _INPUTS
+
+
 def meaning(name: str) -> Meaning:
     """Interpret a column's name.
 

@@ -17,7 +17,11 @@ import numpy as np
 from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.announced import with_announced
 from tacstrip.io.log_import.changes import in_parts
-from tacstrip.io.log_import.channel_names import strips_told_otherwise, with_channel_names
+from tacstrip.io.log_import.channel_names import (
+    order_told_otherwise,
+    strips_told_otherwise,
+    with_channel_names,
+)
 from tacstrip.io.log_import.conversion import resolutions
 from tacstrip.io.log_import.delimiters import (
     of_sent,
@@ -203,7 +207,10 @@ def _with_lines(table: Table, text: str) -> Table:
     quotes = {i: q for i, q in quotes.items() if _is_said(table.quotes.get(i, q), q)}
     table = in_parts(table, text)
     return replace(
-        table, resolutions=resolutions(text, frozenset(table.lines)), quotes={**table.quotes, **quotes}
+        table,
+        resolutions=resolutions(text, frozenset(table.lines)),
+        quotes={**table.quotes, **quotes},
+        doubts=(*table.doubts, *order_told_otherwise(text, table.names)),
     )
 
 
