@@ -7,7 +7,7 @@ import signal
 import time
 from collections.abc import Iterator
 from concurrent.futures import BrokenExecutor, CancelledError
-from multiprocessing import active_children
+from multiprocessing import active_children, get_all_start_methods
 from pathlib import Path
 
 import pytest
@@ -164,3 +164,9 @@ def test_a_recording_that_is_interrupted_holds_what_was_recorded_and_calls_nothi
     assert "b.mcap: stopped: 5 scan(s)" in out
     assert said == ""
     assert [raw.sequence for raw in Recording("b.mcap")] == [0, 1, 2, 3, 4]
+
+
+@pytest.mark.parametrize("method", get_all_start_methods())
+def test_processes_work_however_they_are_begun(method: str) -> None:
+    with worker_processes(1, start_method=method) as pool:
+        assert pool.submit(sum, range(30)).result() == 435

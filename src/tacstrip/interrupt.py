@@ -111,7 +111,10 @@ def worker_pool(
     count: int | None = None, nice: int = 0, start_method: str | None = None
 ) -> ProcessPoolExecutor:
     """Return processes that leave it to the first one what ends work; use it within `children_end`."""
-    return _Pool(count, get_context(start_method), _begin, (nice, os.getpid()))
+    context = get_context(start_method)
+    # A fork server's processes are its children, not this one's.
+    parent = None if context.get_start_method() == "forkserver" else os.getpid()
+    return _Pool(count, context, _begin, (nice, parent))
 
 
 class _Pool(ProcessPoolExecutor):
@@ -138,10 +141,12 @@ def children_end() -> Iterator[None]:
             child.join()
 
 
-def _begin(nice: int, parent: int) -> None:
+def _begin(nice: int, parent: int | None) -> None:
     """Leave Ctrl-C, which a terminal sends to all processes, to the first one, and let it run first."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+    threading.Thread(
+        target=_end_with, args=(os.getppid() if parent is None else parent,), daemon=True
+    ).start()
     with suppress(AttributeError, OSError):
         os.nice(nice)
     for number in set(_SIGNALS) - {signal.SIGINT}:

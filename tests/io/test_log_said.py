@@ -135,3 +135,22 @@ def test_noise_at_rest_is_no_turns() -> None:
                 for s in range(3)
             ]
         assert len(read("\n".join(lines) + "\n").scans) == 12
+
+
+def test_presses_and_the_pauses_between_them_are_no_turns() -> None:
+    """One sensor that is touched in every other scan, or in two of four."""
+    for many in (1, 2):
+        rows = ["t,strip,v_h,v_l"]
+        for n in range(24):
+            high = f"{3.0 + 0.05 * n:.3f},{2.0 + 0.04 * n:.3f}" if n // many % 2 == 0 else ","
+            rows += [f"{0.1 * n:.1f},{s},{high}" for s in range(3)]
+        assert len(propose(of_text("\n".join(rows)), PAD).scans) == 24
+
+
+def test_comments_that_come_again_after_a_restart_ask_nothing() -> None:
+    head = "# Vref = 5.00\n# unit: V\n"
+    rows = [
+        f"{0.1 * n:.1f},{s},{3.0 + 0.02 * n:.3f},{2.0 + 0.01 * n:.3f}\n" for n in range(8) for s in range(3)
+    ]
+    text = head + "t,strip,v_h,v_l\n" + "".join(rows[:16]) + head + "".join(rows[16:])
+    assert len(propose(of_text(text), PAD).scans) == 8

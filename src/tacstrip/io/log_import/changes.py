@@ -72,7 +72,10 @@ def changes_said(text: str, lines: Sequence[int]) -> tuple[tuple[int, str], ...]
         return ()
     first, last = min(lines), max(lines)
     inner = [(n, line.strip()) for n, line in numbered(text) if first < n <= last and line.strip()]
-    found = [(n, line) for n, line in inner if tells_of_change(line) or names_a_unit(line)]
+    above = {line.strip() for n, line in numbered(text) if n < first}  # what comes again changes nothing
+    found = [
+        (n, line) for n, line in inner if line not in above and (tells_of_change(line) or names_a_unit(line))
+    ]
     return tuple(found) if len(found) <= max(1.0, _OFTEN * len(inner)) else ()
 
 

@@ -39,7 +39,8 @@ def with_owners(table: Table, text: str) -> Table:
     rows = sorted({*table.lines})
     if not rows or OWNER in table.names:
         return table
-    found = {n: label for n, line in numbered(text) if n not in {*rows} and (label := _label(line))}
+    there = {*rows}
+    found = {n: label for n, line in numbered(text) if n not in there and (label := _label(line))}
     many = Counter(found.values())
     found = {n: label for n, label in found.items() if many[label] >= _OFTEN}
     labels = list(dict.fromkeys(found.values()))

@@ -35,9 +35,11 @@ def upright(text: str) -> str:
         units = {UNITS.get((m[2] or "").casefold(), "") for m in found if m}
         times = [m[1] for m in found if m]
         steps = [float(t.replace(",", ".")) for t in times]
+        if not all(a < b for a, b in itertools.pairwise(steps)) or len(rows[-1]) not in (1, len(row)):
+            continue
         body = [r for r in rows[n + 1 :] if any(r)]
         if (
-            len(units) != 1 or not units <= {*TIME_UNITS} or not all(a < b for a, b in itertools.pairwise(steps))
+            len(units) != 1 or not units <= {*TIME_UNITS}
             or any(len(r) != len(row) for r in body) or not tell_strips([r[0] for r in body])
         ):  # fmt: skip
             continue

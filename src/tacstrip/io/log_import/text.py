@@ -312,7 +312,8 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
         )
         rows = [[stamps[i], *row] for i, row in zip(table.lines, table.rows, strict=True)]
         table = replace(table, names=(name, *table.names), rows=rows, remarks=(said, *table.remarks))
-    above = [line for i, line in numbered(text) if i < min(table.lines, default=0)]
+    first = min(table.lines, default=0)
+    above = [line for i, line in numbered(text) if i < first]
     table = replace(
         table,
         remarks=(*([messages] if messages else []), *table.remarks),

@@ -16,6 +16,7 @@ _ROUNDS = 3  # of all sensors: of fewer, nothing is told
 # Of the distance from scan to scan: a sensor's own scans are nearer, and clearly so where times come in turns, too.
 _NEARER, _NEARER_IN_TURNS = 0.4, 0.7
 _STEPS = 3.0  # times: so much longer is the pause after the last sensor
+_TOUCHED = 0.5  # of a sensor's scans
 _EVEN = 0.3  # relative: steps of one place in the turn
 
 
@@ -61,6 +62,9 @@ def turns(values: FloatArray, times: FloatArray) -> int:
     for many in range(2, _MOST + 1):
         if len(values) < _ROUNDS * many:
             break
+        touched = np.asarray(np.isfinite(values).any(axis=(1, 2)))
+        if any(touched[n::many].mean() < _TOUCHED for n in range(many)):
+            continue  # presses and what lies between them
         within = _apart(values, many)
         if _in_turns(times, many):
             nearer = np.median(within) < _NEARER_IN_TURNS * np.median(across)

@@ -82,7 +82,7 @@ def fit_convex(problem: FitProblem, l: FloatArray, u: FloatArray) -> ConvexFit:
         for end in crossed:
             meets[end] = float((m[end] @ z[end]).sum() / max(m[end].sum(), np.finfo(float).tiny))
     off = found - z
-    chi = float(np.einsum("ni,nij,nj->", off, m, off))
+    chi = max(float(np.einsum("ni,nij,nj->", off, m, off)), 0.0)  # rounding may leave it below
     return ConvexFit(x, found.T, chi, max(2 * len(x) - sum(kinks) - 4, 1))
 
 
