@@ -18,6 +18,7 @@ from tacstrip.arrays import FloatArray, plain
 from tacstrip.cli import load_layers, options, protect, warn
 from tacstrip.contact.noise import Noise
 from tacstrip.contact.shape import Contact
+from tacstrip.core.binding import exported
 from tacstrip.design.area import area_limit, circle, is_round
 from tacstrip.design.candidates import BITS, CONVERSION_S, FARAD, Design, candidates, designs
 from tacstrip.design.check import check
@@ -234,12 +235,13 @@ def _show_check(
     wanted: tuple[float | None, float | None],
 ) -> None:  # fmt: skip
     """Print what fits of simulated scans reach beside the bound."""
-    round_ = is_round(outline)
+    round_, assessed = is_round(outline), exported("sample_outlines") is not None
     told = "as a round object" if round_ else f"{len(outline.vertices)} corners told"
     click.echo(
         f"What fits reach: {placements} random places each, simulated with the noise that you gave, {told}; median, "
         "and what nine of ten reach; inf: no outline, or another number of corners"
         + ("" if round_ else "; RMS of the bound and of the fits: over all these places")
+        + ("" if assessed else "; ok ?: not assessed, as the compiled core is missing")
     )
     heads = "" if round_ else f"{'bound RMS':>11}{'fit RMS':>9}{'median':>8}{'9 of 10':>9}"
     click.echo(f"{'construction':<13}{'pitch':>7}{'length':>8}{heads}{'area %':>9}{'9 of 10':>9}{'ok':>6}")
@@ -252,7 +254,8 @@ def _show_check(
             if not round_:
                 bound, fit = (float(np.sqrt(np.mean(np.square(v)))) for v in (found.bound_mm, found.rms_mm))
                 line += f"{bound:>11.3g}{fit:>9.3g}" + _middle_and_most(found.rms_mm, 8)
-            lines.append(line + _middle_and_most(found.area_percent, 9) + f"{100.0 * found.ok.mean():>5.0f}%")
+            sure = f"{100.0 * found.ok.mean():>5.0f}%" if assessed else f"{'?':>6}"
+            lines.append(line + _middle_and_most(found.area_percent, 9) + sure)
             within, figures = np.ones(placements, dtype=bool), []
             for errors, most, unit in zip(
                 (found.rms_mm, found.area_percent), wanted, ("mm", "% of the area"), strict=True
