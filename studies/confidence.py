@@ -2,7 +2,7 @@
 
 Run: python -m studies.confidence [--signatures one|both] [--assessment thorough|fast] [--cases 330] [--seed 1]
     [--kinds concave] [--area] [--families]
-Prints how many `ok` are wrong ("silent"), how many right ones are doubted, each tenth of confidence with what was right,
+Prints how many `ok` are wrong ("silent"), how many right ones are doubted, what was right of each tenth of confidence,
 and the log odds by `assessment.doubts` that fit these cases best. `--families`: one signature on 12 strips or
 more, as many cases of each of `FAMILIES`, each reported by itself, and the log odds of all of them together: as the
 package's were found, but for few strips and for an ellipse at the border.
