@@ -1,9 +1,11 @@
 """Whether a confidence is what happens: statuses and confidences of drawn contacts against the truth.
 
 Run: python -m studies.confidence [--signatures one|both] [--assessment thorough|fast] [--cases 330] [--seed 1]
-    [--kinds concave] [--area]
-Prints how many `ok` are wrong ("silent"), how many right ones are doubted, each tenth of confidence with the share that
-was right, and the log odds by `assessment.doubts` that fit these cases best. Seed 11 is what the package's are from.
+    [--kinds concave] [--area] [--families]
+Prints how many `ok` are wrong ("silent"), how many right ones are doubted, what was right of each tenth of confidence,
+and the log odds by `assessment.doubts` that fit these cases best. `--families`: one signature on 12 strips or
+more, as many cases of each of `FAMILIES`, each reported by itself, and the log odds of all of them together: as the
+package's were found, but for few strips and for an ellipse at the border.
 """
 
 from __future__ import annotations
@@ -11,21 +13,28 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 from unittest import mock
 
 import numpy as np
 import numpy.typing as npt
+import shapely
 
 import tacstrip as ts
+from studies.holdout import cases as holdout
+from studies.holdout import shapes
+from studies.holdout.score import told_noise
 from studies.outlines import CONVEX, Case, case
 from studies.outlines import ONE as KINDS
 from tacstrip.arrays import FloatArray
 from tacstrip.reconstruction.posterior import assessment
-from tacstrip.reconstruction.posterior.assessment import PROMISED_IOU, Effort, doubts
+from tacstrip.reconstruction.posterior.assessment import ENOUGH_STRIPS, PROMISED_IOU, Doubts, Effort, doubts
 
 ONE = ("kh", "kl", "k")
+# Of outlines, by how much a case of each counts: nobody knows how often people press what is not convex.
+FAMILIES = {"convex": 1.0, "own": 1.0, "rounded": 0.7, "concave": 0.5, "own concave": 0.5}
+_KINDS = {"convex": shapes.CONVEX, "rounded": shapes.ROUNDED, "concave": shapes.CONCAVE}
 _NEWTON, _PULL = 30, 0.1
 CLEARLY_RIGHT = 0.9  # IoU of an outline whose doubt is a false one
 
@@ -39,7 +48,12 @@ class Judged:
     status: str
     confidence: float
     iou: float
-    doubts: FloatArray | None = None  # of one signature, where it was assessed
+    doubts: Doubts | None = None  # of one signature, where it was assessed
+
+    @property
+    def judged(self) -> bool:
+        """Whether its confidence is what decides: of what the outline does not explain nothing is said."""
+        return self.doubts is not None and bool(np.isfinite(self.confidence))
 
     @property
     def trusted(self) -> bool:
@@ -65,11 +79,30 @@ def cases(
     return found
 
 
+def of_family(family: str, seed: int, count: int) -> list[Case]:
+    """Draw contacts of a family on 12 strips or more, with one signature and noise of .05 to 1 %: own, or hold-out."""
+    if family not in _KINDS:
+        return cases(seed, count, "one", (12, 300), kinds=("concave",) if "concave" in family else CONVEX)
+    found: list[Case] = []
+    random = np.random.default_rng([list(FAMILIES).index(family), seed])
+    while len(found) < count:
+        strips = int(holdout.log_uniform(random, 12, 301 if family == "convex" else 101))
+        kind, name = str(random.choice(_KINDS[family])), ONE[int(random.integers(len(ONE)))]
+        drawn = holdout.single(random, kind, strips, (name,), holdout.log_uniform(random, 0.0005, 0.01))
+        if drawn.strips >= strips - 1 >= ENOUGH_STRIPS:
+            unit, noise = drawn.unit, told_noise(replace(drawn, told=True))
+            on = shapely.box(0.0, 0.0, unit.strips * unit.pitch, unit.length)
+            truth, scan = shapely.Polygon(drawn.outlines[0]).intersection(on), unit.scan(drawn.read)
+            assert noise is not None
+            found.append(Case(kind, truth, unit.sensor, scan, noise, drawn.told, drawn.strips))
+    return found
+
+
 def judge(one: Case, effort: Effort, area: bool = False) -> Judged:
     """Fit a case and compare; `area`: knowing the object's area within 20 %."""
-    told: list[FloatArray] = []
+    told: list[Doubts] = []
 
-    def noted(*given: Any) -> FloatArray:
+    def noted(*given: Any) -> Doubts:
         told.append(doubts(*given))
         return told[-1]
 
@@ -88,14 +121,28 @@ def judge(one: Case, effort: Effort, area: bool = False) -> Judged:
     )
 
 
-def fitted_odds(of: FloatArray, right: npt.NDArray[np.bool_]) -> FloatArray:
+def fitted_odds(of: FloatArray, right: npt.NDArray[np.bool_], weight: FloatArray | float = 1.0) -> FloatArray:
     """Return the log odds (T,) by doubts (N, T) under which what happened is likeliest, but for a slight pull to 0."""
     odds = np.zeros(of.shape[1])
+    size = np.maximum(np.abs(of).max(axis=0), 1e-9)  # a pull on what is a share is one on what is a number
+    of = of / size
     for _ in range(_NEWTON):
         share = 1.0 / (1.0 + np.exp(-of @ odds))
-        curvature = (of * (share * (1.0 - share))[:, None]).T @ of + _PULL * np.eye(len(odds))
-        odds += np.linalg.solve(curvature, of.T @ (right - share) - _PULL * odds)
-    return odds
+        curvature = (of * (weight * share * (1.0 - share))[:, None]).T @ of + _PULL * np.eye(len(odds))
+        odds += np.linalg.solve(curvature, of.T @ (weight * (right - share)) - _PULL * odds)
+    return np.asarray(odds / size)
+
+
+def odds_report(found: list[Judged], weight: Sequence[float]) -> list[str]:
+    """Return the log odds that fit, by kind of doubts, as text."""
+    noted = [(f.doubts, f.iou >= PROMISED_IOU, w) for f, w in zip(found, weight, strict=True) if f.judged]
+    lines = []
+    for kind in dict.fromkeys(d.kind for d, *_ in noted if d is not None):
+        some = [(d.terms, right, w) for d, right, w in noted if d is not None and d.kind == kind]
+        of, right, weights = (np.array(v) for v in zip(*some, strict=True))
+        odds = ", ".join(f"{o:.3f}" for o in fitted_odds(of, right, weights))
+        lines += [f"  log odds, {kind} ({len(some)}): {odds}"]
+    return lines
 
 
 def report(found: list[Judged]) -> str:
@@ -107,7 +154,7 @@ def report(found: list[Judged]) -> str:
         f"{len(found)} cases: trusted {trusted.mean():.3f}, silently wrong of these {1 - right[trusted].mean():.4f}, "
         f"false doubt {(~trusted & clear).sum() / max(clear.sum(), 1):.3f}, mean IoU {iou.mean():.3f}"
     ]
-    for level in (0.7, 0.75, 0.8, 0.85, 0.9):
+    for level in (0.5, 0.6, 0.7, 0.8, 0.9):
         if (from_here := sure >= level).any():
             wrong, doubted = 1.0 - right[from_here].mean(), (clear & ~from_here).sum() / max(clear.sum(), 1)
             lines += [f"  trusted from {level:.2f}: wrong {wrong:.3f}, doubted {doubted:.3f}"]
@@ -118,10 +165,6 @@ def report(found: list[Judged]) -> str:
         for here in (tenth == t for t in range(10))
         if here.any()
     ]
-    noted = [i for i, f in enumerate(found) if f.doubts is not None]
-    if noted:
-        odds = fitted_odds(np.array([found[i].doubts for i in noted]), right[noted])
-        lines += [f"  log odds: {', '.join(f'{o:.3f}' for o in odds)}"]
     return "\n".join(lines)
 
 
@@ -136,9 +179,22 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--kinds", nargs="+", default=CONVEX, choices=KINDS)
     parser.add_argument("--area", action="store_true", help="tell it the area")
+    parser.add_argument(
+        "--families", action="store_true", help="each of FAMILIES by itself, and all together"
+    )
     asked = parser.parse_args()
+    if asked.families:
+        every: list[Judged] = []
+        for family in FAMILIES:
+            found = [judge(one, asked.assessment) for one in of_family(family, asked.seed, asked.cases)]
+            sys.stdout.write(f"{family}: {report(found)}\n")
+            every += found
+        lines = odds_report(every, [w for w in FAMILIES.values() for _ in range(asked.cases)])
+        sys.stdout.write("\n".join(lines) + "\n")
+        return
     drawn = cases(asked.seed, asked.cases, asked.signatures, kinds=asked.kinds)
-    sys.stdout.write(report([judge(one, asked.assessment, asked.area) for one in drawn]) + "\n")
+    found = [judge(one, asked.assessment, asked.area) for one in drawn]
+    sys.stdout.write("\n".join([report(found), *odds_report(found, [1.0] * len(found))]) + "\n")
 
 
 if __name__ == "__main__":

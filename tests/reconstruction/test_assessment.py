@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from tacstrip.core.ellipse import Ellipse
 from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.core.problem import FitProblem
 from tacstrip.reconstruction.polygon.run import fit_run
-from tacstrip.reconstruction.posterior.assessment import ENOUGH_OF_ONE, Effort, doubts, probability
+from tacstrip.reconstruction.posterior.assessment import ENOUGH_OF_ONE, Effort, doubts
 
 SENSOR = ts.Sensor(construction="crs-crs", strips=40, pitch_mm=2.5, length_mm=100.0)
 NOISE = ts.Noise(positional=0.003)
@@ -50,13 +51,28 @@ def test_many_corners_and_an_ellipse_that_is_hardly_better_are_doubted(effort: E
     assert run.selection is not None
     polygon = run.selection.chosen
     assert isinstance(polygon, PolygonFit)
-    by_corners = [probability(doubts(0.98, run, polygon, n), effort) for n in (3, 5, 6, 9, 12, 40)]
-    assert by_corners[0] == by_corners[1] > by_corners[2] > by_corners[3] > by_corners[4] == by_corners[5]
-    assert probability(doubts(0.98, run, run.ellipse, 42), effort) > by_corners[4]
-    shares = [probability(doubts(iou, run, polygon, 4), effort) for iou in (0.0, 0.3, 0.7, 1.0)]
+    ends = np.array([[0.3, 0.3, 0.4], [0.5, 0.7, 0.6]])
+    by_corners = [doubts(0.98, run, polygon, n, ends).probability(effort) for n in (3, 5, 6, 9, 12, 40)]
+    assert by_corners[:-1] == sorted(by_corners[:-1], reverse=True)
+    assert by_corners[0] > by_corners[-2] == by_corners[-1]
+    assert doubts(0.98, run, run.ellipse, 42, ends).probability(effort) > by_corners[4]
+    shares = [doubts(iou, run, polygon, 4, ends).probability(effort) for iou in (0.0, 0.3, 0.7, 1.0)]
     assert shares == sorted(shares)
     assert 0.0 < shares[0] < 0.1
-    assert ENOUGH_OF_ONE < shares[-1] < 1.0
+    assert ENOUGH_OF_ONE[effort] < shares[-1] < 1.0
+
+
+@pytest.mark.parametrize("effort", ["thorough", "fast"])
+def test_what_an_inward_corner_leaves_is_doubted(effort: Effort) -> None:
+    """One signature takes a notch for readings to leave out, or for an outline that is too high."""
+    scan = ts.simulate(SENSOR, ts.Contact.polygon([(15, 35), (60, 15), (88, 50), (40, 85)]), NOISE, rng=5)
+    touched = scan.touched
+    run = fit_run(SENSOR, SENSOR.x_mm[touched], {"kh": scan["kh"][touched]}, 0.003 / np.sqrt(3.0))
+    some, higher = np.array([[0.4, 0.4], [0.6, 0.6]]), np.array([[0.1, 0.1], [0.9, 0.9]])
+    as_it_is = doubts(0.95, run, run.model, 4.0, some).probability(effort)
+    without = replace(run, excluded=np.eye(1, touched.sum(), 9, dtype=np.bool_))
+    assert doubts(0.95, without, run.model, 4.0, some).probability(effort) < as_it_is - 0.1
+    assert doubts(0.95, run, run.model, 4.0, higher).probability(effort) < as_it_is
 
 
 @pytest.mark.skipif(exported("sample_outlines") is None, reason="only the compiled core samples")
@@ -69,7 +85,7 @@ def test_few_strips_of_one_signature_are_never_ok(effort: Effort) -> None:
     found = ts.fit_polygon(scan, few, noise, assessment=effort).objects[0]
     assert found.model is Ellipse
     assert found.confidence is not None
-    assert found.confidence > ENOUGH_OF_ONE
+    assert found.confidence > ENOUGH_OF_ONE[effort]
     assert found.status == "doubtful"
     assert f"probability of {found.confidence:.2f} it" in found.advice
     assert "fewer than 12 strips with one signature even outlines as sure as that are wrong" in found.advice
@@ -87,7 +103,7 @@ def test_an_ellipse_at_the_border_may_be_cut_off_there() -> None:
         assert found.confidence is not None
         confidences.append(found.confidence)
     at_border, away = confidences
-    assert at_border < ENOUGH_OF_ONE < away
+    assert at_border < ENOUGH_OF_ONE["thorough"] < away
 
 
 def test_advice_asks_for_a_second_signature_only_where_the_sensor_has_one() -> None:

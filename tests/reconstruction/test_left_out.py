@@ -159,6 +159,25 @@ def test_a_faulty_channel_that_nobody_named_costs_its_own_reading(
     assert ts.mismatch(left.vertices, found.vertices).iou > 0.95
 
 
+@pytest.mark.parametrize("noise", [NOISE, None], ids=["told", "unknown"])
+@pytest.mark.parametrize(
+    ("strip", "name", "value"), [(4, "kl", 0.55), (5, "kh", 0.2), (4, "kh", 0.0), (5, "kl", 0.1)]
+)
+def test_a_faulty_channel_is_singled_out_on_six_strips(
+    strip: int, name: str, value: float, noise: ts.Noise | None
+) -> None:
+    """Eleven readings are left for eight numbers and a little: the others, left out in turn, explain nothing."""
+    corners = [(21, 45), (44, 21), (79, 40), (56, 78)]
+    scan = ts.simulate(SENSOR, ts.Contact.polygon(corners), ts.Noise(positional=0.003), rng=1)
+    assert scan.touched.sum() == 6
+    read = {n: scan[n].copy() for n in ("kh", "kl")}
+    read[name][strip] = value
+    scan = ts.Scan(kh=read["kh"], kl=read["kl"])
+    (found,) = ts.fit_polygon(scan, SENSOR, noise).objects
+    assert (found.status, found.faulty) == (SURE, (channel_name(strip, name, 1),))
+    assert ts.mismatch(corners, found.vertices).iou > 0.95
+
+
 def test_a_faulty_channel_says_nothing_of_untouched_strips() -> None:
     """An untouched strip with readings contradicts the others in both."""
     contact = ts.Contact.polygon([(1, 38), (48, 12), (99, 45), (60, 88)])

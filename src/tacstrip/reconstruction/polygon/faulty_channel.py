@@ -7,7 +7,7 @@ makes; a second object, or an overhang, moves one. The strip's other reading dec
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from tacstrip.core.model_selection import per_vertex_penalty
 from tacstrip.reconstruction.contact_ends import closed_ends
 from tacstrip.reconstruction.polygon.chi_square import squares_score
 from tacstrip.reconstruction.polygon.convexity import inward_corners
-from tacstrip.reconstruction.polygon.run import CHECKS, MOST_SIGMA, RunFit
+from tacstrip.reconstruction.polygon.run import MOST_SIGMA, RunFit
 from tacstrip.sensor.spec import Sensor
 
 _GAP = 0.02  # of L: objects nearer to each other are one, and what moves an end by less may be a stray error
@@ -47,7 +47,7 @@ def one_end_off(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray])
     one &= np.abs(moved.off).max(axis=0) >= _GAP
     beside = np.pad(left_out & one, 1)
     one[_OUTER:-_OUTER] &= (beside[:-2] | beside[2:])[_OUTER:-_OUTER]
-    return bool((left_out & (one | (run.freedom < CHECKS))).any())
+    return bool((left_out & (one | (not run.checked))).any())
 
 
 def contradictory(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray]) -> BoolArray:
@@ -56,7 +56,7 @@ def contradictory(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray
     They move both ends of the contact, or its lower end above the upper one. None with one signature, nor where few
     readings are left to check.
     """
-    if len(run.excluded) < 2 or not np.count_nonzero(run.excluded) or run.freedom < CHECKS:
+    if len(run.excluded) < 2 or not np.count_nonzero(run.excluded) or not run.checked:
         return np.zeros_like(run.excluded)
     moved = _Moved.of(run, sensor, readings)
     with np.errstate(invalid="ignore"):
@@ -106,14 +106,17 @@ def without_one(
     best = int(np.argmin(alone))
     least, next_best = alone[best], np.partition(alone, 1)[1]
     if sigma_known:
-        price = per_vertex_penalty(run.problem.readings)
-        clear = least + price <= min(run.penalised_cost(1.0), next_best)
+        # Where the fit left out the same one by itself, there is nothing else to compare.
+        same = run.excluded[tuple(places[best])] and np.count_nonzero(run.excluded) == 1
+        rest = next_best if same else min(run.penalised_cost(1.0), next_best)
+        clear = least + per_vertex_penalty(run.problem.readings) <= rest
     else:
         clear = least * _CLEARER <= run.sigma and least * _ALONE <= next_best
     if not clear:
         return run
     fits[best].excluded[tuple(places[best])] = True
-    return fits[best] if contradictory(fits[best], sensor, readings).any() else run
+    alone_out = replace(fits[best], singled_out=True)
+    return alone_out if contradictory(alone_out, sensor, readings).any() else run
 
 
 def _content(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray], sigma_known: bool) -> bool:

@@ -26,7 +26,7 @@ from tacstrip.reconstruction.noise_covariance import (
 )
 from tacstrip.reconstruction.polygon.faulty_channel import contradictory
 from tacstrip.reconstruction.polygon.goodness_of_fit import explains, misfit, second_look, weakness
-from tacstrip.reconstruction.polygon.run import CHECKS, ModelInMm, RunFit
+from tacstrip.reconstruction.polygon.run import ModelInMm, RunFit
 from tacstrip.reconstruction.posterior.assessment import (
     ENOUGH,
     ENOUGH_OF_ONE,
@@ -217,8 +217,11 @@ def reconstruct_object(
         not wrong and (faulty := contradictory(run, sensor, contact.readings)).any()
     ):  # else it may be the outline
         notes = _notes(scan, sensor, contact, around, noise is not None, faulty)
-    enough = ENOUGH if not second else _NEVER if never else ENOUGH_OF_ONE
-    status, advice = _verdict(wrong, weak, assessed, effort, second, averaging, area_mm2 is not None, enough)
+    of_one = ENOUGH_OF_ONE.get(effort, ENOUGH)
+    enough = ENOUGH if not second else _NEVER if never else of_one
+    status, advice = _verdict(
+        wrong, weak, assessed, effort, second, averaging, area_mm2 is not None, enough, of_one
+    )
     profile = (x, np.interp(x, *outline.lower.T), np.interp(x, *outline.upper.T))
     return RecoveredObject(
         strips,
@@ -295,11 +298,12 @@ def _verdict(
     averaging: str,
     area: bool,
     enough: float,
+    of_one: float,
 ) -> tuple[Status, list[str]]:
     """Return the status, and advice: what the outline does not explain, what is left open, how sure it is.
 
     `second` is what to do about a second signature, "" where both are read; `averaging` "" where neither that nor the
-    area can make it "ok"; `enough` the least confidence of an "ok".
+    area can make it "ok"; `enough` the least confidence of an "ok", `of_one` that of one signature on more strips.
     """
     if wrong:
         return "doubtful", [wrong]
@@ -313,7 +317,7 @@ def _verdict(
         "" if assessed.alternatives else ", though none of them is likely"
     )
     narrower = "" if area or not averaging else ", or give the contact's area"
-    likely = enough == _NEVER and assessed.confidence >= ENOUGH_OF_ONE
+    likely = enough == _NEVER and assessed.confidence >= of_one
     why = _FEW if likely else f", for {others}"
     only = "" if likely else " only"
     sure = (
@@ -490,7 +494,7 @@ def _notes(
     if np.count_nonzero(open_ := contact.run.excluded & ~faulty):
         others = [
             "a corner, for strips so few? Call the channel stuck only if other scans do, too."
-            if contact.run.freedom < CHECKS
+            if not contact.run.checked
             else "",
             "" if known else "noise? Then give the noise, which is only estimated here",
         ]

@@ -88,6 +88,8 @@ class RunFit:
         An ellipse that was fitted too.
     ellipse_advantage
         How much better the ellipse's criterion is than the polygon's; -inf where none was fitted.
+    singled_out
+        Whether one reading is excluded, and leaving out any other explains the rest far worse.
     """
 
     problem: FitProblem
@@ -96,6 +98,7 @@ class RunFit:
     excluded: BoolArray
     ellipse: Ellipse | None = None
     ellipse_advantage: float = -np.inf
+    singled_out: bool = False
 
     @property
     def model(self) -> OutlineModel | None:
@@ -113,6 +116,14 @@ class RunFit:
     def freedom(self) -> int:
         """Degrees of freedom: readings beyond the numbers that they determine."""
         return self.problem.readings - (0 if self.model is None else self.model.n_parameters)
+
+    @property
+    def checked(self) -> bool:
+        """Whether enough readings are left to tell that those excluded contradict all others.
+
+        One that was singled out has been a check itself.
+        """
+        return self.freedom >= CHECKS - self.singled_out
 
     @cached_property
     def model_mm(self) -> ModelInMm:

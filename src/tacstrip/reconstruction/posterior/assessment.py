@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, TypeAlias, get_args
 
@@ -12,6 +13,7 @@ from tacstrip.arrays import FloatArray
 from tacstrip.core.ellipse import Ellipse
 from tacstrip.core.outline_model import OutlineModel
 from tacstrip.core.polygon_fit import PolygonFit
+from tacstrip.core.posterior import vertex_counts
 from tacstrip.core.swept_area import NEARLY_ALL, swept_areas, swept_share
 from tacstrip.errors import OptionError, one_of
 from tacstrip.geometry.metrics import column_iou
@@ -27,34 +29,32 @@ _EFFORTS = get_args(Effort)
 
 PROMISED_IOU = 0.8  # of an outline that is "ok" with the true one
 ENOUGH = 0.77  # confidence of the least certain "ok": all of them together are right in 95 of 100 cases
-ENOUGH_OF_ONE = 0.65  # with one signature, where many are hardly surer than that
+# With one signature, where many are hardly surer than that.
+ENOUGH_OF_ONE: Mapping[Effort, float] = {"thorough": 0.61, "fast": 0.52}
 _EVALUATIONS = {"thorough": 240_000, "fast": 14_000}
 _KEPT = {"thorough": 240, "fast": 100}
 _RATHER_WRONG, _BETTER = 0.5, 0.1  # an estimate less sure than this is given up for one that is so much surer
-# With one signature: log odds of being right, by `doubts`; the last four those of few strips. `studies/confidence.py`
-# fits them, but for that of an ellipse at the border.
-_ODDS = {
-    "thorough": (
-        -1.372,
-        0.751,
-        -0.646,
-        1.893,
-        -3.0,
-        -0.343,
-        0.205,
-        0.678,
-        1.234,
-        0.279,
-        -2.307,
-        1.368,
-        0.4,
-        -0.211,
-    ),
-    "fast": (-1.936, 1.111, -0.721, 0.989, -3.0, -0.401, 0.0, 0.0, 0.0, 0.0, -3.293, 1.021, 2.035, -0.154),
+# With one signature: log odds of being right, by kind of `doubts`, whose terms these go with. `studies/confidence.py`
+# fits them, but for that of an ellipse at the border (the fourth of its kinds).
+_FEW, _POLYGON, _ELLIPSE, _RIVALS = "few strips", "polygon", "ellipse", ", rivals"
+_ODDS: dict[str, dict[str, tuple[float, ...]]] = {
+    "thorough": {
+        _FEW: (-2.307, 1.368, 0.4, -0.211),
+        _POLYGON + _RIVALS: (-1.388, 0.919, -0.353, -2.049, -32.46, 0.271, 0.895),
+        _ELLIPSE + _RIVALS: (-7.554, 1.999, 1.112, -3.0, -2.016, 2.184, 0.512),
+        _POLYGON: (-1.957, 1.436, -0.346, -1.141, -30.5),
+        _ELLIPSE: (-8.726, 2.087, 1.242, -3.0, -1.243),
+    },
+    "fast": {
+        _FEW: (-3.293, 1.021, 2.035, -0.154),
+        _POLYGON: (-2.435, 1.151, -0.400, -0.179, -22.84),
+        _ELLIPSE: (-8.863, 2.089, 1.232, -3.0, -1.293),
+    },
 }
 _PLAIN, _MANY = 5, 7  # corners that are no doubt, and how many more of them count
-_LEAST, _LEAST_ALIKE = 0.02, 0.03  # expected IoU, and share of rounded outlines, that none counts as
+_LEAST = 0.02  # expected IoU that none counts as
 _MISFITS = (0.5, 300.0)  # of the best rounded outline, beyond which it tells no more
+_SQUARES = (0.3, 3.0)  # of the residuals a degree of freedom, likewise
 # A rounded outline takes the place of one of many corners that the draws are sure of, which takes some: if so many
 # rounded ones agree and leave no more of a reading than this, squared over sigma^2. Never sure enough for "ok": of
 # families that are none of these (lenses, Reuleaux triangles) it is the likelier outline, but often a wrong one.
@@ -160,10 +160,12 @@ def assess(
                 own, confidence, better = near, float(near @ drawn.weight), drawn.model(at, run.problem)
                 outline = Outline(*better.chains_mm(run.problem))
                 ends = drawn.ends_of(outline.lower, outline.upper)
-        model, corners = better or run.model, len(outline.vertices)
+        corners = float(len(outline.vertices))
+        if rounded is not None:  # long chains: their counts tell more
+            corners = float(vertex_counts(drawn.samples.outlines).mean())
         expected = float(drawn.overlap(ends) @ drawn.weight)
-        cut = drawn.at_border
-        confidence = probability(doubts(expected, run, model, corners, cut, rounded, ends), effort)
+        told_by = doubts(expected, run, better or run.model, corners, ends, drawn.at_border, rounded)
+        confidence = told_by.probability(effort)
         confidence = min(confidence, _SHORT) if short else confidence
     # Chi square of the better half of the draws; that of normal errors exceeds its mean by 3.5 deviations in .02 %.
     readings = drawn.problem.readings
@@ -180,47 +182,76 @@ def assess(
     return Assessment(confidence, others, better, bool(explained))
 
 
+@dataclass(frozen=True, eq=False)
+class Doubts:
+    """What tells whether an outline from one signature is right.
+
+    Attributes
+    ----------
+    kind
+        Of `_ODDS`: which terms there are.
+    terms
+        1, the log odds of the expected IoU, and doubts (T,).
+    """
+
+    kind: str
+    terms: FloatArray
+
+    def probability(self, effort: Effort) -> float:
+        """Return how often outlines of such doubts are right."""
+        return float(1.0 / (1.0 + np.exp(-(self.terms @ _ODDS[effort][self.kind]))))
+
+
 def doubts(
     expected: float,
     run: RunFit,
     model: OutlineModel | None,
-    corners: int,
+    corners: float,
+    ends: FloatArray,
     at_border: bool = False,
     rounded: RoundedDraws | None = None,
-    ends: FloatArray | None = None,
-) -> FloatArray:
-    """Return what tells whether an outline from one signature is right (14,): 1, log odds of the IoU, doubts.
+) -> Doubts:
+    """Return what tells whether an outline from one signature is right.
 
-    Draws and estimate share a prior of polygons and ellipses. An outline that needs many corners, or an ellipse that is
-    hardly better than a polygon, is often of an object with blunt or rounded ends, of which neither is a likeness; less
-    often so if no rounded outline explains the readings. What looks like an ellipse at the sensor's border may be cut
-    off there. On few strips such objects have few corners too: the last four, which are those of few strips only.
+    Draws and estimate share a prior of polygons and ellipses, and what is rounded or concave has no likeness among
+    them. Such an object takes many corners, or an ellipse that is hardly better than a polygon or leaves more than
+    noise; readings at its inward corners are left out, and the outline is rather too high than too low. Rounded ones
+    that explain the readings as well, and lie elsewhere, say so too. An ellipse at the sensor's border may be cut off.
 
     Parameters
     ----------
     expected
         IoU of the outline with the draws, on average.
-    run, model, corners
-        The fit, the outline's model, and its corners if that is a polygon.
+    run, model
+        The fit, and the outline's model.
+    corners
+        Of the outlines drawn, on average, where there are `rounded` ones; else of the outline.
+    ends
+        l and u of the outline over the strip in the draws' columns (2, G), both 0 outside.
     at_border
         Whether the contact may go on beyond the first strip or the last one.
-    rounded, ends
-        Rounded outlines that explain the readings best, and l and u of the outline in their columns.
+    rounded
+        Rounded outlines that explain the readings best, where they were drawn.
     """
-    odds, ellipse = _log_odds(expected, _LEAST), float(isinstance(model, Ellipse))
-    many = 0.0 if ellipse else float(min(max(corners - _PLAIN, 0), _MANY))
+    odds, ellipse = _log_odds(expected), isinstance(model, Ellipse)
     if few_strips(run):
-        return np.array([*(0.0,) * 10, 1.0, odds, ellipse, many])
-    misfit, alike = 0.0, 0.0
-    if rounded is not None and ends is not None:
-        misfit = math.log(min(max(rounded.misfit, _MISFITS[0]), _MISFITS[1]))
-        alike = _log_odds(rounded.share(ends, PROMISED_IOU), _LEAST_ALIKE)
+        many = 0.0 if ellipse else min(max(corners - _PLAIN, 0.0), _MANY)
+        return Doubts(_FEW, np.array([1.0, odds, float(ellipse), many]))
     if ellipse:
-        better = math.log1p(max(run.ellipse_advantage, 0.0))
-        of = [1.0, odds, 1.0, better, float(at_border), 0.0, 0.0, misfit, alike, 0.0]
+        kind, better = _ELLIPSE, math.log1p(max(run.ellipse_advantage, 0.0))
+        left = run.residual_sums[0] / max(run.freedom, 1)
+        of = [1.0, odds, better, float(at_border), math.log(min(max(left, _SQUARES[0]), _SQUARES[1]))]
     else:
-        of = [1.0, odds, 0.0, 0.0, 0.0, many, misfit, 0.0, 0.0, alike * math.exp(-max(misfit, 0.0))]
-    return np.array([*of, *(0.0,) * 4])
+        kind, many = _POLYGON, min(corners, _PLAIN + _MANY) - _PLAIN
+        there = ends[1] > ends[0]
+        height = float(ends[1, there].max() - ends[0, there].min()) if there.any() else 0.0
+        left_out = np.count_nonzero(run.excluded) / run.problem.x.size
+        of = [1.0, odds, many, height, left_out]
+    if rounded is not None:
+        kind += _RIVALS
+        misfit = math.log(min(max(rounded.misfit, _MISFITS[0]), _MISFITS[1]))
+        of += [misfit, _log_odds(float(rounded.weight @ column_iou(rounded.ends, ends)))]
+    return Doubts(kind, np.array(of))
 
 
 def few_strips(run: RunFit) -> bool:
@@ -228,13 +259,8 @@ def few_strips(run: RunFit) -> bool:
     return run.problem.x.size < ENOUGH_STRIPS
 
 
-def _log_odds(share: float, least: float) -> float:
-    return math.log((share + least) / (1.0 + least - share))
-
-
-def probability(of: FloatArray, effort: Effort) -> float:
-    """Return how often outlines of such `doubts` are right."""
-    return float(1.0 / (1.0 + np.exp(-(of @ _ODDS[effort]))))
+def _log_odds(share: float) -> float:
+    return math.log((share + _LEAST) / (1.0 + _LEAST - share))
 
 
 def _alternatives(drawn: Draws, alike: np.ndarray, own: np.ndarray, weight: float) -> tuple[Alternative, ...]:
