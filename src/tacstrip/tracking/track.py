@@ -60,8 +60,8 @@ _TELLING = 4.0  # ... deviations of the least certain corner: shapes that differ
 _MAY_BE_OFF = 0.05  # of the extent, by which no corner may be off ...
 _DEVIATIONS = 2.0  # ... within so many deviations
 _LOOKS = 3  # single scans that are asked whether strips between touched ones are dead
-# Squared errors of outlines with offsets over their covariance: so loose, their cost has small minima at kinks, of which
-# the readings prefer none. Measured.
+# Squared errors of outlines with offsets over their covariance, as measured: so loose, their cost has small minima at
+# kinks, of which the readings prefer none.
 _KINKED = 1.2
 _DRAWN = 6  # outlines of a track in a notebook
 _COUNTED = 0.05  # pitches, by which an outline of another count is off, for the count to matter
@@ -98,6 +98,10 @@ _SMOOTH = (
 _NO_PATH = (
     "one signature on few strips, and no smooth motion explains the scans: the poses take up most of what the scans "
     "tell of the shape; read both signatures, or move the object smoothly"
+)
+_CURVED = (
+    "an outline of {n} corners stands for a curve, and with one signature on few strips a wrong motion may look like "
+    "one: read both signatures"
 )
 _WANDERS = (
     "errors of channels follow each other from scan to scan: many scans are worth fewer, and a corner may be made of "
@@ -756,6 +760,8 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
         told, advice = False, _HARDLY_MOVED.format(n=len(one.shown))
     elif not advice and fit.basis is None and len(one.scans.read) == 1 and few:
         told, advice = False, _NO_PATH
+    elif not advice and fit.basis is not None and few and len(outline) >= FIRST:
+        told, advice = False, _CURVED.format(n=len(outline))
     if not advice and concave and fit.basis is None:
         loosest = max(loosest, scatter(one.scans, fit))
     if not advice and _DEVIATIONS * loosest > unsure:

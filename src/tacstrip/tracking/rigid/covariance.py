@@ -37,7 +37,9 @@ def covariances(
     matrix, _, inverse, follow = without_poses(found, basis)
     size = corners.size
     of_offsets = np.linalg.inv(matrix[size:, size:])  # were the corners known
-    along = np.vstack([np.eye(size), -of_offsets @ matrix[size:, :size]])  # how corners and offsets follow the corners
+    along = np.vstack(
+        [np.eye(size), -of_offsets @ matrix[size:, :size]]
+    )  # how corners and offsets follow the corners
     value, vector = np.linalg.eigh(matrix[:size] @ along + beside)
     anywhere = float(np.ptp(corners, axis=0).max()) ** 2  # what the readings do not hold at all
     pinned = vector / np.maximum(value, 1.0 / anywhere) @ vector.T
