@@ -338,6 +338,20 @@ def test_offsets_of_channels_are_found_along_with_the_shape() -> None:
         assert np.std(one.offsets[name][often] - true[often]) < 0.5 * np.std(true[often])
 
 
+def test_regions_with_offsets_allow_for_more_than_their_bound(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An outline that offsets loosen rests in one of many small minima; one without them is as sure as its bound."""
+    for row, times in (("offsets", 1.2), ("ten", 1.0)):
+        of, found = scene(row, 430, 4), []
+        for kinked in (None, 1.0):
+            if kinked is not None:
+                monkeypatch.setattr("tacstrip.tracking.track._KINKED", kinked)
+            (one,) = ts.track(of.scans, of.unit.sensor, ts.Noise(positional=of.row.level))
+            assert one.covariance is not None
+            found.append(np.trace(one.covariance))
+        monkeypatch.undo()
+        assert found[0] == pytest.approx(times * found[1])
+
+
 def test_the_covariance_with_offsets_is_that_of_the_whole_inverse() -> None:
     scans, corners, poses = rigid_scene("crs-crs", 0.0, 20)
     fit = fitted(scans, corners, poses)
