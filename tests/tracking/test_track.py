@@ -23,9 +23,16 @@ from tacstrip.geometry.pose import placed
 from tacstrip.plot.tracks import track_figure
 from tacstrip.tracking.episodes import episodes, spanned
 from tacstrip.tracking.geojson import track_collection
-from tacstrip.tracking.rigid.corners import Fit, fitted, recounted, unstuck
-from tacstrip.tracking.rigid.covariance import covariances, following, information, joint_bound
-from tacstrip.tracking.rigid.offsets import Offsets, channel_offsets, not_ruled_out
+from tacstrip.tracking.rigid.corners import Fit, fitted, not_sure, recounted, unstuck
+from tacstrip.tracking.rigid.covariance import (
+    covariances,
+    following,
+    information,
+    joint_bound,
+    rigid_motions,
+    without_poses,
+)
+from tacstrip.tracking.rigid.offsets import Offsets, channel_offsets, not_ruled_out, with_offsets
 from tacstrip.tracking.rigid.rivals import beside_rivals, poses_beside_rivals
 from tacstrip.tracking.rigid.search import Found, likelier
 from tacstrip.tracking.rigid.smooth_path import fit_corners
@@ -303,6 +310,17 @@ def test_one_signature_takes_the_smoothest_path() -> None:
     assert one.motion.startswith("smooth: ")
 
 
+@pytest.mark.parametrize(("seed", "number", "corners"), [(12, 18, 8), (430, 9, 7)])
+def test_one_signature_begins_with_the_smoothest_path(seed: int, number: int, corners: int) -> None:
+    """Begun on more knots and fewer corners, both ended far from the truth, at costs that are 40 and 100 higher."""
+    of = scene("metal", seed, number)
+    (one,) = ts.track(of.scans, of.unit.sensor, ts.Noise(positional=of.row.level))
+    assert one.motion.startswith("smooth: ")
+    assert (one.status != "ok", len(one.outline)) == (True, corners)
+    assert of.outline is not None
+    assert distance(one.outline, of.outline) < 1.5
+
+
 def test_offsets_of_channels_are_found_along_with_the_shape() -> None:
     sensor, random = ten_strips(), np.random.default_rng(4)
     off = random.normal(0.0, 0.003, (2, 10))
@@ -318,6 +336,45 @@ def test_offsets_of_channels_are_found_along_with_the_shape() -> None:
     often = np.isfinite(np.stack([s["kh"] for s in scans])).mean(axis=0) > 0.8
     for name, true in zip(("kh", "kl"), off, strict=True):
         assert np.std(one.offsets[name][often] - true[often]) < 0.5 * np.std(true[often])
+
+
+def test_regions_with_offsets_allow_for_more_than_their_bound(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An outline that offsets loosen rests in one of many small minima; one without them is as sure as its bound."""
+    for row, times in (("offsets", 1.2), ("ten", 1.0)):
+        of, found = scene(row, 430, 4), []
+        for kinked in (None, 1.0):
+            if kinked is not None:
+                monkeypatch.setattr("tacstrip.tracking.track._KINKED", kinked)
+            (one,) = ts.track(of.scans, of.unit.sensor, ts.Noise(positional=of.row.level))
+            assert one.covariance is not None
+            found.append(np.trace(one.covariance))
+        monkeypatch.undo()
+        assert found[0] == pytest.approx(times * found[1])
+
+
+def test_the_covariance_with_offsets_is_that_of_the_whole_inverse() -> None:
+    scans, corners, poses = rigid_scene("crs-crs", 0.0, 20)
+    fit = fitted(scans, corners, poses)
+    found = with_offsets(scans, fit, information(scans, fit.corners, fit.poses), 0.003)
+    shape, of_poses = covariances(found, fit.corners, fit.poses)
+    motions = rigid_motions(fit.corners)
+    inner = np.eye(corners.size) - motions @ np.linalg.pinv(motions)
+    matrix, _, inverse, _ = without_poses(found, None)  # the pose in the middle is held
+    whole = np.linalg.inv(matrix)[: corners.size, : corners.size]
+    assert shape == pytest.approx(inner @ whole @ inner.T, rel=1e-3, abs=1e-9)
+    known = covariances(information(scans, fit.corners, fit.poses), fit.corners, fit.poses)
+    assert np.trace(shape) > np.trace(known[0])
+    assert (np.trace(of_poses, axis1=1, axis2=2) > np.trace(known[1], axis1=1, axis2=2)).all()
+    assert np.linalg.eigvalsh(of_poses - inverse)[[0, -1]].min() > -1e-9
+
+
+def test_corners_that_are_sure_are_not_tried_without() -> None:
+    scans, corners, poses = rigid_scene("crs-crs", 0.0, 20)
+    fit = fitted(scans, corners, poses)
+    assert not len(not_sure(scans, fit, information(scans, fit.corners, fit.poses)))
+    faint = np.insert(fit.corners, 1, 0.501 * fit.corners[0] + 0.5 * fit.corners[1], axis=0)
+    more = replace(fit, corners=faint)
+    assert 1 in not_sure(scans, more, information(scans, faint, fit.poses))
 
 
 @pytest.mark.parametrize(
@@ -348,11 +405,19 @@ def test_the_fit_without_offsets_is_a_rival_of_that_with_them() -> None:
 
 
 def test_one_signature_of_few_strips_without_a_smooth_path_is_not_confident() -> None:
-    """Free poses take up so much that an outline of seven corners explains what one of eight read."""
-    of = scene("metal", 12, 18)
+    """Free poses take up so much that an outline of seven corners explains what one of five read."""
+    of = scene("metal", 430, 38)
     (one,) = ts.track(of.scans, of.unit.sensor, ts.Noise(positional=of.row.level))
     assert (one.status, one.motion) == ("doubtful", "free")
     assert "no smooth motion explains" in one.advice
+
+
+def test_a_curve_from_one_signature_of_few_strips_is_not_confident() -> None:
+    """A heptagon comes back as eleven corners, at a cost that chi square accepts: a wrong motion explains it."""
+    of = scene("metal", 450, 18)
+    (one,) = ts.track(of.scans, of.unit.sensor, ts.Noise(positional=of.row.level))
+    assert one.status == "doubtful"
+    assert len(one.outline) < 9 or "stands for a curve" in one.advice
 
 
 def test_a_spline_with_a_knot_per_scan_leaves_poses_free() -> None:

@@ -60,6 +60,9 @@ _TELLING = 4.0  # ... deviations of the least certain corner: shapes that differ
 _MAY_BE_OFF = 0.05  # of the extent, by which no corner may be off ...
 _DEVIATIONS = 2.0  # ... within so many deviations
 _LOOKS = 3  # single scans that are asked whether strips between touched ones are dead
+# Squared errors of outlines with offsets over their covariance, as measured: so loose, their cost has small minima at
+# kinks, of which the readings prefer none.
+_KINKED = 1.2
 _DRAWN = 6  # outlines of a track in a notebook
 _COUNTED = 0.05  # pitches, by which an outline of another count is off, for the count to matter
 _MOVED = 0.5  # pitches that corners must move where few strips are touched
@@ -95,6 +98,10 @@ _SMOOTH = (
 _NO_PATH = (
     "one signature on few strips, and no smooth motion explains the scans: the poses take up most of what the scans "
     "tell of the shape; read both signatures, or move the object smoothly"
+)
+_CURVED = (
+    "an outline of {n} corners stands for a curve, and with one signature on few strips a wrong motion may look like "
+    "one: read both signatures"
 )
 _WANDERS = (
     "errors of channels follow each other from scan to scan: many scans are worth fewer, and a corner may be made of "
@@ -722,6 +729,8 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
     wider = following(one.scans.of(order), corners, fit.poses[order])
     of_poses = poses_beside_rivals(one.scans, one.found, of_poses)
     shape = wider**2 * beside_rivals(one.scans, one.found, shape, deviation)
+    if offsets and fit.basis is None and one.scans.strips_touched < FEW_STRIPS:
+        shape *= _KINKED
     all_spin = np.kron(np.eye(len(corners)), spin.T)
     shape = np.asarray(all_spin @ shape @ all_spin.T)
     poses, spreads = np.full((total, 3), np.nan), np.full((total, 3, 3), np.nan)
@@ -751,6 +760,8 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
         told, advice = False, _HARDLY_MOVED.format(n=len(one.shown))
     elif not advice and fit.basis is None and len(one.scans.read) == 1 and few:
         told, advice = False, _NO_PATH
+    elif not advice and fit.basis is not None and few and len(outline) >= FIRST:
+        told, advice = False, _CURVED.format(n=len(outline))
     if not advice and concave and fit.basis is None:
         loosest = max(loosest, scatter(one.scans, fit))
     if not advice and _DEVIATIONS * loosest > unsure:

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
-from tacstrip.core.rigid import MOST_CORNERS, RigidScans, descend, fit_poses, loss
+from tacstrip.core.rigid import MOST_CORNERS, Equations, RigidScans, descend, fit_poses, loss
 from tacstrip.tracking.rigid.covariance import covariances, information
 from tacstrip.tracking.rigid.smooth_path import centres, fit_corners
 
-FEWEST, FIRST = 3, 9  # corners; from how many a rough outline is pruned
+FEWEST, FIRST, _FIRST_TIED = 3, 9, 12  # corners; from how many a rough outline is pruned
 _TRIED = 3  # corners that are taken away by turns
 # Price of a corner for the ten places where one too many may fit the noise.
 _PLACES = 2.0 * float(np.log(10.0))
@@ -101,9 +101,10 @@ def pruned(
 ) -> list[Fit]:
     """Return fits of ever fewer corners, from a rough outline of many, down to counts that are out of the question.
 
-    One that explains hardly a scan with many corners is out of the question with fewer.
+    One that explains hardly a scan with many corners is out of the question with fewer. Poses that are tied to a spline
+    cannot make up for corners that were taken away too early: there it is begun with more.
     """
-    while len(corners) > FIRST:
+    while len(corners) > (FIRST if basis is None else _FIRST_TIED):
         corners = np.delete(corners, int(_areas(corners).argmin()), axis=0)
     soft = 0.05 * scans.sensor.pitch_mm
     fit = fitted(scans, corners, poses, 8, soft, 5.0, basis)
@@ -220,12 +221,11 @@ def _fewer(scans: RigidScans, fit: Fit) -> Fit | None:
     """Return the best fit of one corner fewer, without a corner or without an edge; None where all are sure."""
     if len(fit.corners) == FEWEST:
         return None
-    price = 2.0 * float(np.log(scans.readings.sum())) + _PLACES
-    faint = np.flatnonzero(_gains(scans, fit) < _SURE * price)
-    tries = [without(scans, fit, int(i), 8) for i in faint]
+    unsure = not_sure(scans, fit, information(scans, fit.corners, fit.poses))
+    tries = [without(scans, fit, int(i), 8) for i in unsure]
     for corners in _edges_removed(fit.corners)[:_TRIED]:
         rough = fitted(scans, corners, fit.poses, 8, cauchy=8.0, basis=fit.basis)
-        if rough.cost < fit.cost + _SURE * price:
+        if rough.cost < fit.cost + _SURE * _price(scans):
             tries.append(rough)
     near = sorted(tries, key=lambda f: f.cost)[:_TRIED]
     ends = [settled(scans, fitted(scans, f.corners, f.poses, basis=f.basis)) for f in near]
@@ -366,14 +366,21 @@ def reflex(corners: FloatArray) -> BoolArray:
     return np.asarray(np.sign((x * np.roll(y, -1) - np.roll(x, -1) * y).sum()) * turn < 0.0)
 
 
-def _gains(scans: RigidScans, fit: Fit) -> FloatArray:
-    """Return roughly what each corner gains in chi square (N,): its height over its neighbours, over sigma."""
+def not_sure(scans: RigidScans, fit: Fit, found: Equations) -> IntArray:
+    """Return the corners that may gain too little in chi square: there is no need to try without the others.
+
+    That is roughly their height over their neighbours, over sigma. The equations may have offsets of channels.
+    """
     before, after = np.roll(fit.corners, 1, axis=0), np.roll(fit.corners, -1, axis=0)
     height = _areas(fit.corners) / np.maximum(np.hypot(*(after - before).T), 1e-9)
-    found = information(scans, fit.corners, fit.poses)
     covariance = covariances(found, fit.corners, fit.poses, fit.basis)[0]
     variance = covariance.diagonal().reshape(-1, 2).sum(axis=1)
-    return np.asarray(height**2 / np.maximum(variance, 1e-12))
+    return np.flatnonzero(height**2 / np.maximum(variance, 1e-12) < _SURE * _price(scans))
+
+
+def _price(scans: RigidScans) -> float:
+    """Return what a corner costs by `Fit.criterion`."""
+    return 2.0 * float(np.log(scans.readings.sum())) + _PLACES
 
 
 def poses_all_round(

@@ -35,15 +35,18 @@ def covariances(
     (2 N, 2 N) is what else is known of the corners, of their shape alone.
     """
     matrix, _, inverse, follow = without_poses(found, basis)
-    matrix = matrix.copy()
-    matrix[: corners.size, : corners.size] += beside
-    value, vector = np.linalg.eigh(matrix)
+    size = corners.size
+    of_offsets = np.linalg.inv(matrix[size:, size:])  # were the corners known
+    along = np.vstack(
+        [np.eye(size), -of_offsets @ matrix[size:, :size]]
+    )  # how corners and offsets follow the corners
+    value, vector = np.linalg.eigh(matrix[:size] @ along + beside)
     anywhere = float(np.ptp(corners, axis=0).max()) ** 2  # what the readings do not hold at all
     pinned = vector / np.maximum(value, 1.0 / anywhere) @ vector.T
     rigid = rigid_motions(corners)
     as_motion = np.linalg.pinv(rigid)  # (3, 2 N): of a change of the corners
-    inner, whole = np.eye(corners.size) - rigid @ as_motion, np.zeros((3, len(matrix)))
-    whole[:, : corners.size] = as_motion
+    inner, whole = np.eye(size) - rigid @ as_motion, np.zeros((3, len(matrix)))
+    whole[:, :size] = as_motion
     turned = np.zeros((len(poses), 3, 3))
     cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
     turned[:, 0, 0], turned[:, 0, 1], turned[:, 1, 0], turned[:, 1, 1], turned[:, 2, 2] = (
@@ -53,9 +56,11 @@ def covariances(
         cos,
         1.0,
     )
-    by_corners = turned @ whole - follow
+    by_both = turned @ whole - follow
+    by_corners, by_offsets = by_both @ along, by_both[..., size:]
     of_poses = inverse + by_corners @ pinned @ by_corners.transpose(0, 2, 1)
-    return np.asarray(inner @ pinned[: corners.size, : corners.size] @ inner.T), np.asarray(of_poses)
+    of_poses += by_offsets @ of_offsets @ by_offsets.transpose(0, 2, 1)
+    return np.asarray(inner @ pinned @ inner.T), np.asarray(of_poses)
 
 
 def information(scans: RigidScans, corners: FloatArray, poses: FloatArray) -> Equations:

@@ -8,7 +8,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.core.rigid import Equations, RigidScans, linearised
-from tacstrip.tracking.rigid.corners import FEWEST, Fit, faintest, fitted, without
+from tacstrip.tracking.rigid.corners import FEWEST, Fit, faintest, fitted, not_sure, without
 from tacstrip.tracking.rigid.covariance import UPRIGHT, information, without_poses
 
 _FEWEST = 12  # scans that tell an offset from a shape
@@ -71,14 +71,16 @@ def channel_offsets(
     deviation, touched = known.deviation if known else _FIRST, np.isfinite(scans.k).any(axis=0).ravel()
     for _ in range(rounds):
         known_of, asked = _alone(scans, fit, values, deviation)
-        step = np.linalg.solve(known_of, asked)
-        known_of = known_of[np.ix_(touched, touched)]
+        known_of, asked = known_of[np.ix_(touched, touched)], asked[touched]
+        covariance = np.linalg.inv(known_of)
+        step, spread = covariance @ asked, covariance.diagonal()
         price = float(np.linalg.slogdet(deviation**2 * known_of)[1])
         if known is None and not values.any() and float(asked @ step) < price:
             return None
-        values = values + step.reshape(values.shape)
+        values = values.copy()
+        values.ravel()[touched] += step
         fit = fitted(replace(scans, k=scans.k - values), fit.corners, fit.poses, 10, basis=fit.basis)
-        own, spread, prior = values.ravel()[touched], np.linalg.inv(known_of).diagonal(), deviation
+        own, prior = values.ravel()[touched], deviation
         deviation = float(np.sqrt((own**2 + spread).mean()))
         deviation = min(max(deviation, _LEAST), _MOST)
     found_now = Offsets(values, prior, price, float((1.0 - spread / prior**2).sum()))
@@ -110,7 +112,8 @@ def not_ruled_out(scans: RigidScans, fit: Fit) -> float:
         return 0.0
     known_of, asked = _alone(scans, fit, np.zeros(scans.k.shape[1:]), _FIRST)
     touched = np.isfinite(scans.k).any(axis=0).ravel()
-    price = float(np.linalg.slogdet(_FIRST**2 * known_of[np.ix_(touched, touched)])[1])
+    known_of, asked = known_of[np.ix_(touched, touched)], asked[touched]
+    price = float(np.linalg.slogdet(_FIRST**2 * known_of)[1])
     return _FIRST if float(asked @ np.linalg.solve(known_of, asked)) - price > _RULED_OUT else 0.0
 
 
@@ -122,12 +125,14 @@ def without_needless_corners(scans: RigidScans, offsets: Offsets, fit: Fit) -> t
     least = fit.criterion(scans) + offsets.cost
     while len(fit.corners) > FEWEST:
         rest, tries = taken_off(scans, offsets), []
-        for corner in faintest(fit.corners):
+        known = with_offsets(rest, fit, information(rest, fit.corners, fit.poses), offsets.deviation)
+        unsure = not_sure(rest, fit, known)
+        for corner in (c for c in faintest(fit.corners) if c in unsure):
             trial = channel_offsets(scans, without(rest, fit, corner, 8), offsets, 2)
             assert trial is not None
             tries.append((trial[1].criterion(scans) + trial[0].cost, *trial))
-        best = min(tries, key=lambda t: t[0])
-        if best[0] >= least:
+        best = min(tries, key=lambda t: t[0], default=None)
+        if best is None or best[0] >= least:
             break
         least, offsets, fit = best
     return offsets, fit

@@ -442,8 +442,11 @@ def _polygons(
         few, fits = starts.few, starts.pruned(turns)
     else:
         few, fits = scans.of(chosen), []
-        for path in starts.paths(turns):
-            fits += pruned(few, path.corners, path.poses, path.basis if tied else None)
+        paths = starts.paths(turns)
+        for basis in starts.splines if tied else [None]:  # the smoothest motion first
+            fits += [fit for path in paths for fit in pruned(few, path.corners, path.poses, basis)]
+            if any(content(few, fit, distribution) for fit in fits):
+                break
     fits = [f for f in fits if _plausible(few, f)] or fits
     fits = sorted(fits, key=lambda f: f.criterion(few))
     if tied:
@@ -460,7 +463,7 @@ def _compared(scans: RigidScans, fits: list[Fit], distribution: str) -> Found:
         best, counts = recounted(scans, best)
         every += counts
         concave = bool(reflex(best.corners).any())
-        if concave or (best.basis is None and scans.strips_touched < FEW_STRIPS):
+        if concave or scans.strips_touched < FEW_STRIPS:
             first, *others = explored(scans, best)
             best, counts = recounted(scans, first) if first is not best else (best, [])
             every = [*every, *others, *counts]
