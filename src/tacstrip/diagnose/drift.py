@@ -222,7 +222,7 @@ def _outstanding_at_rest(level: FloatArray, every: FloatArray, order: IntArray) 
         ]
         others = np.delete(size, [row, *beside])
         near = max(
-            (_goes_with(v[:, at], v[:, j]) for v in every for j in _around(at, len(order))), default=0.0
+            (_goes_with(level[:, i], v[:, j]) for v in every for j in _around(at, len(order))), default=0.0
         )
         if len(others) < 2 or max(near, 0.0, *size[beside]) > 0.5 * size[row]:
             continue
