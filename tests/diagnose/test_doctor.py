@@ -402,7 +402,11 @@ def test_a_doubtful_strip_of_one_press_on_one_channel_is_asked_about() -> None:
         (8, 71, "a wrong Vref of contacts that come to each strip's end once"),
         (7, 79, "hum within a cycle or two of half the scan rate"),
         (9, 79, "hum of strips that are visited in one half of the recording"),
-        (410, 777, "drift at rest, where contacts come to the strip's neighbours in the same stretches of time"),
+        (
+            410,
+            777,
+            "drift at rest, where contacts come to the strip's neighbours in the same stretches of time",
+        ),
         (410, 383, "wander under contacts that turn, by where in them a strip lies"),
     ],
 )

@@ -40,7 +40,7 @@ _LEAST_CHANCE = float(np.exp(-700.0))  # that a float can hold, nearly
 _CONSTANT = 3  # numbers of a strip's constant error
 # A change stands out if it explains so much more than the next strip's does, and is certain (standard deviations).
 # That is held against chance on any of some 20 strips and three signals: below 1 in 10,000. Less is a question.
-_GAIN, _OUTSTANDING, _SIZE = 140.0, 2.1, 0.0035
+_GAIN, _OUTSTANDING, _CLEARLY, _SIZE = 140.0, 2.1, 2.6, 0.0035
 _GAIN_OF_LINE, _OUTSTANDING_LINE, _CERTAIN = 60.0, 3.0, 4.0
 _GAIN_ASKED, _OUTSTANDING_ASKED, _CERTAIN_ASKED = 100.0, 1.4, 2.4
 _GAIN_FAR_OUT, _FAR_OUT = 60.0, 3.0  # asked, whatever looks say: they are few
@@ -131,14 +131,15 @@ def _judged(one: _Change, strip: int) -> Finding | Question | None:
     perhaps &= one.size > _SIZE
     line = one.gain_of_line > max(_GAIN_OF_LINE_ASKED, _OUTSTANDING_LINE_ASKED * one.others_of_line)
     perhaps |= line and one.certain_of_line > _CERTAIN_OF_LINE_ASKED and abs(one.change) > _DRIFT
+    clear = stands_out and one.gain > _CLEARLY * one.others and one.certain > _CERTAIN
     straight = one.gain_of_line / max(one.gain, 1e-9)
     drifted = f"moved by {100 * one.change:+.2g} % of Vref from start to end, relative to its neighbours"
     wandered = (
         f"wanders by +-{100 * one.size:.2g} % of Vref relative to its neighbours, over {one.looks} looks"
     )
-    if in_line or (stands_out and one.certain > _CERTAIN and straight > _LINE[1]):
+    if in_line or (clear and straight > _LINE[1]):
         return Finding("drift", (strip,), drifted, {"change": one.change})
-    if stands_out and one.certain > _CERTAIN and straight < _LINE[0]:
+    if clear and straight < _LINE[0]:
         return Finding("wander", (strip,), wandered, {"wander": one.size})
     return Question((strip,), ("drift", "wander"), wandered) if stands_out or perhaps else None
 
