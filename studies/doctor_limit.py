@@ -3,7 +3,9 @@
 The hold-out units' drift and wander are drawn again, and what the fault adds over time, which no finder can know, is
 regressed on what shape and constant errors leave of each strip's bends (`diagnose.bend_model`): z standard errors on
 the strip that has it, and on those further than two strips away, which have none. What lies below the largest of the
-latter cannot be named without as many false alarms. `python -m studies.doctor_limit [last seed]`, tuning seeds from 0.
+latter cannot be named by bends without as many false alarms. Beside it, how many standard errors a test would see that
+knows where the contact ends, too, and has to tell a drift from noise, the strip's rubber, its offset and its gain only.
+`python -m studies.doctor_limit [last seed]`, tuning seeds from 0.
 """
 
 from __future__ import annotations
@@ -19,7 +21,7 @@ import numpy as np
 import tacstrip as ts
 from studies.holdout import doctor_set, logs
 from tacstrip.arrays import FloatArray
-from tacstrip.diagnose import read_log
+from tacstrip.diagnose import Log, read_log
 from tacstrip.diagnose.bend_model import BendModel
 from tacstrip.diagnose.doctor import working_sigma
 from tacstrip.diagnose.neighbour_prediction import places, working_copy
@@ -30,8 +32,13 @@ _APART = 2  # strips
 _PARTS = 256  # as the doctor's
 
 
-def course_known(seed: int, number: int) -> tuple[str, float, float]:
-    """Return the verdict of the doctor, |z| on the strip at fault, and the largest on strips without a fault."""
+_UNEVEN, _PIECES = 0.023, 12  # the hold-out's rubber: deviation of a piece's resistance, and pieces
+_OFFSET, _GAIN = 0.3, 0.003  # prior standard deviations of a channel's own, over Vref
+_CHANCE = 3.7  # |z| that noise exceeds on one of 20 strips in 1 of 200 recordings
+
+
+def course_known(seed: int, number: int) -> tuple[str, float, float, float]:
+    """Return the doctor's verdict, |z| on the strip at fault, the largest on sound ones, |z| with known ends."""
     random = np.random.default_rng([14, 1, seed, number])
     kind = list(doctor_set.KINDS)[number // 2 % len(doctor_set.KINDS)]
     caught: dict[str, Any] = {}
@@ -56,7 +63,25 @@ def course_known(seed: int, number: int) -> tuple[str, float, float]:
         [_z(BendModel.fit(work, v), course - course.mean(), work.strips) for v in work.k.values()], axis=0
     )
     far = np.abs(np.arange(work.strips) - strip) > _APART
-    return doctor_set.score(seed, number)["verdict"], float(z[strip]), float(z[far].max(initial=0.0))
+    ends = ends_known(log, strip, added[0, :, strip], one.material.white)
+    return doctor_set.score(seed, number)["verdict"], float(z[strip]), float(z[far].max(initial=0.0)), ends
+
+
+def ends_known(log: Log, strip: int, course: FloatArray, white: float) -> float:
+    """Return the standard errors of a course (scans,) that a test sees which knows what a sound strip would read."""
+    knots, fine = np.linspace(0.0, 1.0, _PIECES + 1), np.linspace(0.0, 1.0, 401)
+    density = np.stack([np.interp(fine, knots, one) for one in np.eye(_PIECES + 1)])
+    below = np.cumsum(density, axis=1) / len(fine)
+    below -= below[:, -1:] * fine
+    power = 0.0
+    for values in log.k.values():
+        there = np.flatnonzero(log.touched[:, strip] & np.isfinite(values[:, strip]))
+        height = np.clip(values[there, strip], 0.0, 1.0)
+        rubber = np.stack([np.interp(height, fine, one) for one in below])
+        errors = _UNEVEN**2 * rubber.T @ rubber + _GAIN**2 * np.outer(height - 0.5, height - 0.5)
+        errors += _OFFSET**2 + white**2 * np.eye(len(there))
+        power += float(course[there] @ np.linalg.solve(errors, course[there]))
+    return float(np.sqrt(power))
 
 
 def _z(model: BendModel | None, course: FloatArray, strips: int) -> FloatArray:
@@ -80,14 +105,17 @@ def main(last: int) -> None:
     lines = [
         f"largest |z| of a strip without a fault, in {len(rows)} recordings: {limit:.1f}",
         "",
-        "| fault | units | named or asked | missed | of these below the limit |",
-        "| --- | --- | --- | --- | --- |",
+        "| fault | units | named or asked | missed | of these below the limit | below chance with known ends |",
+        "|" + " --- |" * 6,
     ]
     for kind in KINDS:
         some = [row for row in rows if row[0] == kind]
         missed = [row for row in some if row[1] == "missed"]
         below = sum(row[2] <= limit for row in missed)
-        lines.append(f"| {kind} | {len(some)} | {len(some) - len(missed)} | {len(missed)} | {below} |")
+        chance = sum(row[4] <= _CHANCE for row in missed)
+        lines.append(
+            f"| {kind} | {len(some)} | {len(some) - len(missed)} | {len(missed)} | {below} | {chance} |"
+        )
     lines += ["", "missed: |z| " + ", ".join(f"{row[2]:.1f}" for row in rows if row[1] == "missed")]
     sys.stdout.write("\n".join(lines) + "\n")
 

@@ -402,6 +402,12 @@ def test_a_doubtful_strip_of_one_press_on_one_channel_is_asked_about() -> None:
         (8, 71, "a wrong Vref of contacts that come to each strip's end once"),
         (7, 79, "hum within a cycle or two of half the scan rate"),
         (9, 79, "hum of strips that are visited in one half of the recording"),
+        (
+            410,
+            777,
+            "drift at rest, where contacts come to the strip's neighbours in the same stretches of time",
+        ),
+        (410, 383, "wander under contacts that turn, by where in them a strip lies"),
     ],
 )
 def test_faults_of_units_that_are_kept_apart_are_named(seed: int, number: int, why: str) -> None:
@@ -411,3 +417,14 @@ def test_faults_of_units_that_are_kept_apart_are_named(seed: int, number: int, w
 def test_drift_by_few_looks_is_a_question() -> None:
     """Among the strips and signals that are looked at, one of 500 passes is as much by chance (z = 2.7)."""
     assert doctor_set.score(0, 73)["verdict"] == "asked"
+
+
+@pytest.mark.parametrize("number", [1041, 1085])
+def test_a_line_that_stands_out_is_asked_about_however_few_the_looks(number: int) -> None:
+    """A drift of 1.5 to 2 %, under contacts only, that explains five times what any other strip's line does."""
+    assert doctor_set.score(411 if number == 1041 else 410, number)["verdict"] == "asked"
+
+
+def test_a_contact_at_the_border_that_reads_as_rest_and_sways_does_not_wander() -> None:
+    """Its levels jump from one stretch of time to the next; a zero that wanders slowly does not."""
+    assert doctor_set.score(430, 212)["verdict"] == "ok"

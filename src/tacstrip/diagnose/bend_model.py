@@ -27,6 +27,7 @@ _ROBUST = 2.5  # deviations, from which a row loses weight (Cauchy)
 _ROUNDS = 5  # of weighting
 _RIDGE = 1e-2  # of a term's sum of squares: terms that the recording does not determine stay 0
 _FAR = 3.0  # deviations at which terms of the shape are clipped
+_WAVES, _ROWS_A_WAVE, _WAVE_LENGTH = 100, 4, 2.0  # at most, rows for each at least, and deviations
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,10 +63,12 @@ class BendModel:
         return found
 
     @classmethod
-    def fit(cls, work: WorkingCopy, values: FloatArray) -> BendModel | None:
+    def fit(cls, work: WorkingCopy, values: FloatArray, contact: bool = False) -> BendModel | None:
         """Fit readings over Vref (places, strips); None where there are too few bends.
 
-        Source: iteratively reweighted least squares, normal equations split into sparse and dense terms.
+        With `contact`, the shape depends on where in the contact a strip lies, too. Source: iteratively reweighted
+        least squares, normal equations split into sparse and dense terms; random Fourier features of the contact
+        (A. Rahimi, B. Recht: Random Features for Large-Scale Kernel Machines, NIPS 2007).
         """
         known = work.there & np.isfinite(values)
         place, strip = np.nonzero(known[:, :-2] & known[:, 1:-1] & known[:, 2:])
@@ -83,7 +86,7 @@ class BendModel:
         own = _spread(
             strip, values.shape[1], [np.stack([x**p for p in range(_POWERS)], axis=1) for x in level]
         )
-        shape, parts = _shape_terms(work, values, known, place, strip)
+        shape, parts = _shape_terms(work, values, known, place, strip, contact)
         weight, residual, sigma = np.ones(len(bend)), bend, np.inf
         inverse: FloatArray = np.zeros((0, 0))
         for left in reversed(range(_ROUNDS)):
@@ -177,13 +180,15 @@ def _spread(strip: IntArray, strips: int, terms: list[FloatArray]) -> sparse.csr
 
 
 def _shape_terms(
-    work: WorkingCopy, values: FloatArray, known: BoolArray, place: IntArray, strip: IntArray
+    work: WorkingCopy, values: FloatArray, known: BoolArray, place: IntArray, strip: IntArray, contact: bool
 ) -> tuple[FloatArray, list[tuple[IntArray, slice]]]:
     """Return terms of all signatures around each bend (rows, terms): slope, bends of the next strips, products.
 
-    Also the rows and columns of each part of them, by the strips that are touched: all else is 0.
+    With `contact` also levels, and waves of all of these and of the strip's place in the contact. Also the rows and
+    columns of each part of them, by the strips that are touched: all else is 0.
     """
     signatures = list(work.k.values())
+    whole = _in_contact(work) if contact else []
     beyond = [np.pad(known, ((0, 0), (1, 1)))[place, strip + 1 + side] for side in (-2, 2)]
     parts = []
     for left in (False, True):
@@ -191,19 +196,22 @@ def _shape_terms(
             here = np.flatnonzero((beyond[0] == left) & (beyond[1] == right))
             if len(here) < _FEWEST:
                 continue
-            terms = []
+            terms, levels = [], []
             for one in signatures:
                 at = one[place[here], strip[here] - 1], one[place[here], strip[here] + 1]
                 terms.append(at[1] - at[0])
                 mean = (at[0] + at[1]) / 2.0
                 terms += [one[place[here], strip[here] + side] - mean for side in [-2] * left + [2] * right]
-            one_part = np.nan_to_num(np.stack(terms, axis=1))
-            scaled = (one_part - one_part.mean(axis=0)) / (one_part.std(axis=0) + 1e-6)
-            scaled = np.clip(scaled, -_FAR, _FAR)
+                levels.append(mean)
+            scaled = _scaled(terms + levels if contact else terms)
             all_of_it = [np.ones((len(here), 1)), scaled]
             if len(here) > _FEWEST_SQUARES:
                 a, b = np.triu_indices(scaled.shape[1])
                 all_of_it.append(scaled[:, a] * scaled[:, b])
+                if contact:
+                    around = _scaled([one[place[here], strip[here]] for one in whole])
+                    count = min(_WAVES, len(here) // _ROWS_A_WAVE)
+                    all_of_it.append(_waves(np.hstack([scaled, around]), count))
             parts.append((here, np.concatenate(all_of_it, axis=1)))
     out = np.zeros((len(place), sum(part.shape[1] for _, part in parts)))
     where, first = [], 0
@@ -213,3 +221,47 @@ def _shape_terms(
         where.append((here, columns))
         first = columns.stop
     return out, where
+
+
+def _scaled(terms: list[FloatArray]) -> FloatArray:
+    """Return terms (rows,) of mean 0 and deviation 1, side by side (rows, terms)."""
+    values = np.nan_to_num(np.stack(terms, axis=1))
+    return np.asarray(np.clip((values - values.mean(axis=0)) / (values.std(axis=0) + 1e-6), -_FAR, _FAR))
+
+
+def _waves(values: FloatArray, count: int) -> FloatArray:
+    """Return random Fourier features (rows, count) of scaled values (rows, terms), smooth functions of all of them."""
+    random = np.random.default_rng(0)
+    slopes = random.normal(size=(values.shape[1], count)) / (_WAVE_LENGTH * np.sqrt(values.shape[1]))
+    return np.asarray(np.sqrt(2.0) * np.cos(values @ slopes + random.uniform(0.0, 2.0 * np.pi, count)))
+
+
+def _in_contact(work: WorkingCopy) -> list[FloatArray]:
+    """Return how strips lie in their contacts (places, strips): strips to either rim, and from the contact's middle.
+
+    Between these, each signature's slope and mean over the contact, which turn and move with it.
+    """
+    there, across = work.there, np.arange(work.strips)
+    left, right = _to_rim(there), _to_rim(there[:, ::-1])[:, ::-1]
+    out = [left, right]
+    for one in work.k.values():
+        weight = (there & np.isfinite(one)).astype(float)
+        level = np.where(weight > 0.0, one, 0.0)
+        count = np.maximum(weight.sum(axis=1, keepdims=True), 1.0)
+        off = weight * (across - (weight @ across)[:, None] / count)
+        spread = np.maximum((off**2).sum(axis=1, keepdims=True), 1.0)
+        around = (off * level).sum(axis=1, keepdims=True) / spread, level.sum(axis=1, keepdims=True) / count
+        out += [np.broadcast_to(v, there.shape) for v in around]
+    if work.pair is None:
+        return [*out, (left - right) / 2.0]
+    wide = np.where(there, np.maximum(np.nan_to_num(work.pair[0] - work.pair[1]), 0.0), 0.0)
+    middle = (wide @ across) / np.maximum(wide.sum(axis=1), 1e-6)
+    return [*out, across - middle[:, None]]
+
+
+def _to_rim(there: BoolArray) -> FloatArray:
+    """Return how many strips that are touched lie to the left of each without a gap (places, strips)."""
+    out = np.zeros(there.shape)
+    for i in range(1, there.shape[1]):
+        out[:, i] = np.where(there[:, i] & there[:, i - 1], out[:, i - 1] + 1.0, 0.0)
+    return out

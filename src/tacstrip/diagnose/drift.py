@@ -22,6 +22,7 @@ _DRIFT, _WANDER = (
     0.004,
 )  # over Vref, from start to end, and as a standard deviation: less is not reported
 _TIMES = 4.0  # times what the other strips do
+_LASTS = 0.6  # of the mean square of independent levels' changes
 _STRAIGHT = 0.7  # of the changes' variance in a line: more is drift
 _BLOCKS, _RESTS = 32, 4  # of time at rest, and untouched readings in one
 _VISIT = 5  # blocks
@@ -39,9 +40,11 @@ _LEAST_CHANCE = float(np.exp(-700.0))  # that a float can hold, nearly
 _CONSTANT = 3  # numbers of a strip's constant error
 # A change stands out if it explains so much more than the next strip's does, and is certain (standard deviations).
 # That is held against chance on any of some 20 strips and three signals: below 1 in 10,000. Less is a question.
-_GAIN, _OUTSTANDING, _SIZE = 140.0, 2.1, 0.0025
+_GAIN, _OUTSTANDING, _CLEARLY, _SIZE = 140.0, 2.1, 2.6, 0.0035
 _GAIN_OF_LINE, _OUTSTANDING_LINE, _CERTAIN = 60.0, 3.0, 4.0
 _GAIN_ASKED, _OUTSTANDING_ASKED, _CERTAIN_ASKED = 100.0, 1.4, 2.4
+_GAIN_FAR_OUT, _FAR_OUT = 60.0, 3.0  # asked, whatever looks say: they are few
+_GAIN_OF_LINE_ASKED, _OUTSTANDING_LINE_ASKED, _CERTAIN_OF_LINE_ASKED = 50.0, 2.5, 1.0
 _LINE = (0.35, 0.6)  # of a change's gain that a line explains: less is wander, more drift
 _MOST_FOUND, _MOST_ASKED = 4, 2  # strips
 _MIDDLE = (np.arange(_BLOCKS) + 0.5) / _BLOCKS
@@ -108,10 +111,12 @@ def drift(
     for _ in range(_MOST_FOUND):
         changes, seen = _against_neighbours(work, (time_s - first) / seconds)
         checked[work.order[seen]] = True
-        if changes is None or (verdict := _judged(changes, int(work.order[changes.place]))) is None:
+        judged = ((one.place, _judged(one, int(work.order[one.place]))) for one in changes)
+        place, verdict = next((pair for pair in judged if pair[1]), (0, None))
+        if verdict is None:
             break
         (found if isinstance(verdict, Finding) else asked).append(verdict)  # type: ignore[arg-type]
-        work.drop(changes.place)
+        work.drop(place)
     return found, asked if len(asked) <= _MOST_ASKED else [], notes, checked
 
 
@@ -120,16 +125,21 @@ def _judged(one: _Change, strip: int) -> Finding | Question | None:
     stands_out = one.gain > max(_GAIN, _OUTSTANDING * one.others) and one.size > _SIZE
     in_line = one.gain_of_line > max(_GAIN_OF_LINE, _OUTSTANDING_LINE * one.others_of_line)
     in_line &= one.certain_of_line > _CERTAIN and abs(one.change) > _DRIFT
-    perhaps = one.gain > max(_GAIN_ASKED, _OUTSTANDING_ASKED * one.others) and one.size > _SIZE
+    perhaps = one.gain > max(_GAIN_ASKED, _OUTSTANDING_ASKED * one.others)
     perhaps &= max(one.certain, one.certain_of_line) > _CERTAIN_ASKED
+    perhaps |= one.gain > max(_GAIN_FAR_OUT, _FAR_OUT * one.others)
+    perhaps &= one.size > _SIZE
+    line = one.gain_of_line > max(_GAIN_OF_LINE_ASKED, _OUTSTANDING_LINE_ASKED * one.others_of_line)
+    perhaps |= line and one.certain_of_line > _CERTAIN_OF_LINE_ASKED and abs(one.change) > _DRIFT
+    clear = stands_out and one.gain > _CLEARLY * one.others and one.certain > _CERTAIN
     straight = one.gain_of_line / max(one.gain, 1e-9)
     drifted = f"moved by {100 * one.change:+.2g} % of Vref from start to end, relative to its neighbours"
     wandered = (
         f"wanders by +-{100 * one.size:.2g} % of Vref relative to its neighbours, over {one.looks} looks"
     )
-    if in_line or (stands_out and one.certain > _CERTAIN and straight > _LINE[1]):
+    if in_line or (clear and straight > _LINE[1]):
         return Finding("drift", (strip,), drifted, {"change": one.change})
-    if stands_out and one.certain > _CERTAIN and straight < _LINE[0]:
+    if clear and straight < _LINE[0]:
         return Finding("wander", (strip,), wandered, {"wander": one.size})
     return Question((strip,), ("drift", "wander"), wandered) if stands_out or perhaps else None
 
@@ -221,10 +231,12 @@ def _outstanding_at_rest(level: FloatArray, every: FloatArray, order: IntArray) 
             if j != i and j in known
         ]
         others = np.delete(size, [row, *beside])
-        near = max(
-            (_goes_with(v[:, at], v[:, j]) for v in every for j in _around(at, len(order))), default=0.0
-        )
-        if len(others) < 2 or max(near, 0.0, *size[beside]) > 0.5 * size[row]:
+        # Where a contact reads as rest, the neighbours' levels move with the strip's: with its course without strays,
+        # and, as a wander may be that contact's own course, with all that was read, too.
+        near = [(v[:, at], v[:, j]) for v in every for j in _around(at, len(order))]
+        shared = max((_goes_with(level[:, i], other) for _, other in near), default=0.0)
+        with_strays = max((_goes_with(own, other) for own, other in near), default=0.0)
+        if len(others) < 2 or max(shared, 0.0, *size[beside]) > 0.5 * size[row]:
             continue
         usual = max(float(np.median(others)) * _TIMES, float(np.quantile(others, 0.9)) * _TIMES / 2.0)
         change, straight = line[row]
@@ -234,7 +246,13 @@ def _outstanding_at_rest(level: FloatArray, every: FloatArray, order: IntArray) 
             evidence = f"moved by {100 * change:+.3g} % of Vref from start to end, untouched, the others by "
             evidence += f"{100 * float(np.median(np.abs(np.delete(line[:, 0], row)))):.2g} %"
             yield Finding("drift", (i,), evidence, {"change": float(change)})
-        elif straight <= _STRAIGHT and size[row] > _WANDER and _lasting(level[:, i]) > usual:
+        elif (
+            straight <= _STRAIGHT
+            and size[row] > _WANDER
+            and with_strays <= 0.5 * size[row]
+            and _slow(level[:, i])
+            and _lasting(level[:, i]) > usual
+        ):
             evidence = f"wanders by +-{100 * size[row]:.2g} % of Vref, slowly, untouched, the others by "
             evidence += f"+-{100 * float(np.median(others)):.2g} %"
             yield Finding("wander", (i,), evidence, {"wander": float(size[row])})
@@ -257,6 +275,11 @@ def _goes_with(level: FloatArray, other: FloatArray) -> float:
 def _lasting(level: FloatArray) -> float:
     """Return the least deviation of a strip's levels (blocks,) without a visit: one contact that reads as rest."""
     return float(min(np.nanstd(np.delete(level, slice(b, b + _VISIT))) for b in range(_BLOCKS)))
+
+
+def _slow(level: FloatArray) -> bool:
+    """Whether levels (blocks,) change little from one to the next: von Neumann's ratio is 1 where they do not last."""
+    return bool(np.nanmean(np.diff(level) ** 2) < _LASTS * 2.0 * np.nanvar(level))
 
 
 def _steps(rests: list[FloatArray], place: int) -> bool:
@@ -286,8 +309,8 @@ def _beside(there: BoolArray) -> BoolArray:
     return near
 
 
-def _against_neighbours(work: WorkingCopy, tau: FloatArray) -> tuple[_Change | None, BoolArray]:
-    """Return the change that explains most of what bends do with time, and which strips could be looked at."""
+def _against_neighbours(work: WorkingCopy, tau: FloatArray) -> tuple[list[_Change], BoolArray]:
+    """Return the changes that explain most of what bends do with time, and which strips could be looked at."""
     time = np.stack(
         [
             np.sqrt(12.0) * (tau - 0.5),
@@ -297,28 +320,36 @@ def _against_neighbours(work: WorkingCopy, tau: FloatArray) -> tuple[_Change | N
     )
     seen = np.zeros(work.strips, dtype=bool)
     signals = list(work.k.values())
-    best: _Change | None = None
+    every: list[_Change] = []
     for values in (*signals, *([np.mean(signals, axis=0)] if len(signals) > 1 else [])):
-        model = BendModel.fit(work, values)
+        model = BendModel.fit(work, values, contact=True)
         if model is None:
             continue
         columns = model.effect(time, work.strips)
         found = model.explain(columns)
         gain, line = (_gains(found, terms, model.sigma) for terms in (_TERMS, 1))
-        counts = np.bincount(model.strip, minlength=work.strips)
-        seen |= (counts >= _FEWEST) & _spans(model, tau, work.strips)
+        shown = _shown_at(work.strips)
+        counts = np.bincount(model.strip, minlength=work.strips)[shown]
+        seen |= (counts >= _FEWEST) & _spans(model, tau, work.strips)[shown]
         gain[~seen], line[~seen] = 0.0, 0.0
         for by in {int(np.argmax(gain)), int(np.argmax(line))}:
             others, others_line = (_others(found, by, terms, model.sigma, seen) for terms in (_TERMS, 1))
             change = _looked_at(model, found, columns, by, tau, work)
             if change is None:
                 continue
-            one = _Change(by, change[0], change[1], float(gain[by]), others, change[2], float(line[by]), others_line,
-                          change[3], change[4])  # fmt: skip
-            if best is None or one.gain > best.gain:
-                best = one
+            slope, certain, certain_of_line, looks = change
+            size = _size(found, by, float(gain[by]), model.sigma)
+            every.append(_Change(by, slope, size, float(gain[by]), others, certain, float(line[by]), others_line,
+                                 certain_of_line, looks))  # fmt: skip
     # Of fewer strips there are no others to hold one against.
-    return (best, seen) if seen.sum() >= _FEWEST_STRIPS else (None, np.zeros_like(seen))
+    if seen.sum() < _FEWEST_STRIPS:
+        return [], np.zeros_like(seen)
+    return sorted(every, key=lambda one: -one.gain), seen
+
+
+def _shown_at(strips: int) -> IntArray:
+    """Return the strips (strips,) whose bends show each strip's change best: its own, or next to the border."""
+    return np.clip(np.arange(strips), 1, strips - 2)
 
 
 def _blocks(found: Explanation, terms: int) -> tuple[FloatArray, FloatArray]:
@@ -335,6 +366,12 @@ def _gains(found: Explanation, terms: int, sigma: float) -> FloatArray:
     return np.asarray(
         np.einsum("ia,ia->i", score, np.linalg.solve(each, score[..., None])[..., 0]) / sigma**2
     )
+
+
+def _size(found: Explanation, by: int, gain: float, sigma: float) -> float:
+    """Return the standard deviation over time of what explains so much, mostly of its terms that are well known."""
+    power = _blocks(found, _TERMS)[0][by, :, by]
+    return float(np.sqrt(gain * _TERMS / max(float(np.trace(power)), 1e-12)) * sigma)
 
 
 def _others(found: Explanation, by: int, terms: int, sigma: float, seen: BoolArray) -> float:
@@ -366,19 +403,20 @@ def _looked_at(
     by: int,
     tau: FloatArray,
     work: WorkingCopy,
-) -> tuple[float, float, float, float, int] | None:
-    """Return a strip's change, size, certainty, certainty of a line, and the number of looks; None of too few.
+) -> tuple[float, float, float, int] | None:
+    """Return a strip's change, certainty, certainty of a line, and the number of looks; None of too few.
 
     A look is a stay of the contact at one height: what shape leaves is alike then. Successive looks are independent.
     """
-    rows = np.flatnonzero(model.strip == by)
+    shown = int(_shown_at(work.strips)[by])
+    rows = np.flatnonzero(model.strip == shown)
     if len(rows) < _FEWEST:
         return None
     at = np.arange(by * _TERMS, (by + 1) * _TERMS)
     own = model.beyond(rows, columns[rows][:, at].toarray(), found.confounded[:, at])
     place = model.place[rows]
     height = np.nanmean(
-        np.stack([v[place][:, [by - 1, by + 1]].mean(axis=1) for v in work.k.values()]), axis=0
+        np.stack([v[place][:, [shown - 1, shown + 1]].mean(axis=1) for v in work.k.values()]), axis=0
     )
     look = np.zeros(len(rows), dtype=int)
     start = height[0]
@@ -406,10 +444,8 @@ def _looked_at(
     explained = float(np.sum((basis.T @ mean) ** 2))
     rest = max(float(mean @ mean) - explained, 1e-18)
     ratio = explained / many / (rest / max(free - many, 1))
-    size = float(np.sqrt(explained / float(np.sum(root**2))))
     return (
         slope * float(np.sqrt(12.0)),
-        size,
         _normal(fdtrc(many, max(free - many, 1), ratio)),
         _normal(2.0 * stdtr(max(free - 1, 1), -t)),
         len(mean),
