@@ -408,7 +408,10 @@ def _placed(
 ) -> RecoveredObject:
     """Return the object of one run of strips; round a tube their numbers begin again after `around`."""
     averaging = Averaging.of(scan)
-    known = None if noise is None else max(fit_sigma(noise, sensor, averaging), FLOOR)
+    hard = (
+        noise if noise is None or not edge_mm else replace(noise, edge_mm=0.0, blur_mm=0.0)
+    )  # counted by strip
+    known = None if hard is None else max(fit_sigma(hard, sensor, averaging), FLOOR)
     distribution = noise.distribution if noise is not None and noise.independent else "normal"
     k = np.stack([scan[name][run] for name in scan.signatures])
     there = np.isfinite(k)
