@@ -75,20 +75,17 @@ def test_regions_hold_where_soft_edges_err_alike_on_neighbouring_strips() -> Non
         for strip in range(1, 10):
             soft[:, strip] = rho * soft[:, strip - 1] + math.sqrt(1.0 - rho**2) * soft[:, strip]
         l, u = (end + 0.7 * off for end, off in zip(ts.footprint(SENSOR, truth), soft, strict=True))
-        scan = ts.Scan(
-            **{n: k + random.normal(0.0, 0.003, 10) for n, k in ts.signatures(SENSOR, l, u).items()}
-        )
+        k = ts.signatures(SENSOR, l, u)
+        kh, kl = (k[name] + random.normal(0.0, 0.003, 10) for name in ("kh", "kl"))
+        scan = ts.Scan(kh=kh, kl=kl)
         noise = ts.Noise(white=0.003, edge_mm=0.7, edge_correlation_mm=16.0)
         (o,) = ts.fit_object(scan, SENSOR, SHAPES[name], noise, edge_mm=0.7).objects
+        poses = [p for p in (o.pose, *(a.pose for a in o.alternatives)) if p is not None]
         off = [
-            (p.pose.x_mm - x, p.pose.y_mm - y, math.remainder(p.pose.angle - angle, 2.0 * math.pi))
-            for p in (o, *o.alternatives)
-            if p.pose is not None
+            np.array([p.x_mm - x, p.y_mm - y, math.remainder(p.angle - angle, 2.0 * math.pi)]) for p in poses
         ]
-        seen = [p.pose.covariance for p in (o, *o.alternatives) if p.pose is not None]
-        inside.append(
-            min(np.array(e) @ np.linalg.pinv(c) @ e for e, c in zip(off, seen, strict=True)) < 7.815
-        )
+        chi_square = [e @ np.linalg.pinv(p.covariance) @ e for e, p in zip(off, poses, strict=True)]
+        inside.append(min(chi_square) < 7.815)
         overlap.append(iou(o.vertices, truth.vertices))
     assert np.mean(inside) > 0.9  # .83 with each end by itself
     assert np.median(overlap) > 0.95
