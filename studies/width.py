@@ -1,14 +1,17 @@
 """What the width of a strip does to l and u: how good the centre line is, the mean over the width, and the hull.
 
-The thesis takes a strip to read the "average position" of a slanted edge (5.1.1).
+The thesis takes a strip to read the "average position" of a slanted edge (5.1.1). `python -m studies.width` prints how
+far simulation, the closed form and plain networks are off the resolved strip.
 """
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+import shapely
 from matplotlib.figure import Figure
 
 from studies.budget import PROFILE_I, PROFILE_II
@@ -16,11 +19,13 @@ from tacstrip.arrays import FloatArray
 from tacstrip.contact.footprint import footprint
 from tacstrip.contact.shape import Contact
 from tacstrip.contact.signature import signatures
-from tacstrip.network.strips.resolved import wide_readings
+from tacstrip.contact.strip_width import wide_ends
+from tacstrip.network.strips.resolved import mesh_limit, wide_readings
 from tacstrip.plot.theme import COLOURS, DASHES, OTHERS, add_axes, legend, new_figure
 from tacstrip.sensor.closed_form import lower_and_width
 from tacstrip.sensor.slant import slant_shift
 from tacstrip.sensor.spec import Sensor
+from tacstrip.simulation import simulate
 
 RULES = ("centre line", "mean over the width", "mean, slant counted", "hull")
 _FINE = 200  # lines over the width for mean and hull
@@ -132,10 +137,91 @@ def footprints(
     return covered, {rule: (low, high) for rule, (low, high) in ends.items()}
 
 
+SENSORS = {
+    "crs-crs": ("crs-crs", 1.0),
+    "crs-crs, ratio .2": ("crs-crs", 0.2),
+    "crs-m": ("crs-m", 0.0),
+    "cyl-crs-m": ("cyl-crs-m", 0.0),
+}
+_STRIPS, _LENGTH = 12, 100.0
+
+
+def agreement(
+    name: str, lambda_widths: float, width_of_length: float, kind: str, seed: int
+) -> dict[str, FloatArray]:
+    """Return errors of readings [Vref] on strips without gaps, by what is off the resolved strip.
+
+    "simulate" and "closed form" (which streams and limits take) against `wide_readings`, which networks of 64 cells
+    and fewer, extrapolated, check as "resolved strip"; "32 cells" are plain networks.
+    """
+    construction, ratio = SENSORS[name]
+    width = width_of_length * _LENGTH
+    keys: dict[str, float] = {"resistivity_ratio": ratio} if construction == "crs-crs" else {}
+    if construction == "cyl-crs-m":
+        keys["radius_mm"] = _STRIPS * width
+    sensor = Sensor(
+        construction=construction, strips=_STRIPS, pitch_mm=width, length_mm=_LENGTH, strip_width_mm=width,
+        contact_lambda_mm=lambda_widths * width, **keys,  # type: ignore[arg-type]
+    )  # fmt: skip
+    contact = _contact(sensor, kind, np.random.default_rng(seed))
+    read, ends, made = wide_readings(sensor, contact), wide_ends(sensor, [contact]), simulate(sensor, contact)
+    closed = signatures(sensor, ends.l[0], ends.u[0])
+    coarse, middle, fine = (wide_readings(sensor, contact, across=n) for n in (16, 32, 64))
+    errors: dict[str, list[FloatArray]] = {}
+    for signature, k in read.items():
+        on = np.isfinite(k)
+        known = mesh_limit(coarse[signature], middle[signature], fine[signature])
+        for what, off in (
+            ("simulate", made[signature] - k),
+            ("closed form, straight edges", np.where(ends.exact[0], closed[signature] - k, np.nan)),
+            ("closed form, others", np.where(ends.exact[0], np.nan, closed[signature] - k)),
+            ("32 cells", middle[signature] - k),
+            ("resolved strip", known - k),
+        ):
+            errors.setdefault(what, []).append(np.abs(off)[on & np.isfinite(off)])
+    return {what: np.concatenate(off) for what, off in errors.items()}
+
+
+def _contact(sensor: Sensor, kind: str, random: np.random.Generator) -> Contact:
+    """Draw a slanted band, the hull of eight points, or a pointed triangle."""
+    wide, long = sensor.width_mm, sensor.length_mm
+    if kind == "convex":
+        hull = shapely.MultiPoint(random.uniform(0.05, 0.95, (8, 2)) * (wide, long)).convex_hull
+        return Contact.polygon(shapely.get_coordinates(hull)[:-1])
+    if kind == "slanted":
+        (x0, x1), rise = wide * random.uniform((0.05, 0.7), (0.3, 0.95)), 0.3 * random.uniform(-1.0, 1.0, 2)
+        (a, b), (c, d) = (
+            long * (0.35 + rise[0] * (x - 0.5 * wide) / wide) for x in (x0, x1)
+        ), (long * (0.7 + rise[1] * (x - 0.5 * wide) / wide) for x in (x0, x1))  # fmt: skip
+        return Contact.polygon([(x0, a), (x1, b), (x1, d), (x0, c)])
+    angle = random.uniform(0.0, 2.0 * np.pi)
+    tip = 0.4 * np.array([np.cos(angle), np.sin(angle)]) * (wide, long)
+    base = random.uniform(0.1, 0.3) * np.array([-np.sin(angle), np.cos(angle)]) * (wide, long)
+    return Contact.polygon(
+        0.5 * np.array([wide, long]) + np.stack([tip, base - 0.8 * tip, -base - 0.8 * tip])
+    )
+
+
+def main() -> None:
+    """Print the largest and the median error of each cell [1e-6 Vref]; constructions and lambdas may be named."""
+    asked = sys.argv[1:]
+    for name in asked[:1] or SENSORS:
+        for lam in map(float, asked[1:] or ("0", "0.3", "1")):
+            for width in (0.01, 0.05):
+                for kind in ("slanted", "convex", "pointed"):
+                    each = [agreement(name, lam, width, kind, seed) for seed in range(2)]
+                    cells = []
+                    for what in each[0]:
+                        off = 1e6 * np.concatenate([errors[what] for errors in each])
+                        cells.append(
+                            f"{what} {off.max(initial=0.0):.0f} / {np.median(off) if off.size else 0:.0f}"
+                        )
+                    where = f"{name}, lambda {lam:g} b, b {100 * width:g} % of L, {kind}"
+                    sys.stdout.write(f"{where}: {'; '.join(cells)}\n")
+
+
 def _convex(sensor: Sensor, size_mm: float, random: np.random.Generator) -> Contact:
     """Draw the hull of six points in a circle."""
-    import shapely
-
     radius = 0.5 * size_mm
     angle, out = random.uniform(0.0, 2.0 * np.pi, 6), radius * np.sqrt(random.uniform(0.0, 1.0, 6))
     x, y = (random.uniform(radius, side - radius) for side in (sensor.width_mm, sensor.length_mm))
@@ -182,3 +268,6 @@ def width_figure() -> Figure:
 
 
 FIGURES: dict[str, Callable[[], Figure]] = {"width": width_figure}
+
+if __name__ == "__main__":
+    main()

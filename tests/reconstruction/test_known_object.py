@@ -64,6 +64,33 @@ def test_errors_are_at_the_bound_and_the_covariance_holds(name: str) -> None:
     assert np.median(overlap) > 0.97
 
 
+def test_regions_hold_where_soft_edges_err_alike_on_neighbouring_strips() -> None:
+    """Errors of .7 mm that fall to 1/e over 16 mm, ten strips; the correlation is told."""
+    random, rho, inside, overlap = np.random.default_rng(5), math.exp(-10.0 / 16.0), [], []
+    for i in range(60):
+        name = list(SHAPES)[i % 4]
+        angle, x, y = random.uniform(-3.0, 3.0), *random.uniform(42.0, 58.0, 2)
+        truth = pressed(name, angle, x, y)
+        soft = random.normal(size=(2, 10))
+        for strip in range(1, 10):
+            soft[:, strip] = rho * soft[:, strip - 1] + math.sqrt(1.0 - rho**2) * soft[:, strip]
+        l, u = (end + 0.7 * off for end, off in zip(ts.footprint(SENSOR, truth), soft, strict=True))
+        k = ts.signatures(SENSOR, l, u)
+        kh, kl = (k[name] + random.normal(0.0, 0.003, 10) for name in ("kh", "kl"))
+        scan = ts.Scan(kh=kh, kl=kl)
+        noise = ts.Noise(white=0.003, edge_mm=0.7, edge_correlation_mm=16.0)
+        (o,) = ts.fit_object(scan, SENSOR, SHAPES[name], noise, edge_mm=0.7).objects
+        poses = [p for p in (o.pose, *(a.pose for a in o.alternatives)) if p is not None]
+        off = [
+            np.array([p.x_mm - x, p.y_mm - y, math.remainder(p.angle - angle, 2.0 * math.pi)]) for p in poses
+        ]
+        chi_square = [e @ np.linalg.pinv(p.covariance) @ e for e, p in zip(off, poses, strict=True)]
+        inside.append(min(chi_square) < 7.815)
+        overlap.append(iou(o.vertices, truth.vertices))
+    assert np.mean(inside) > 0.9  # .83 with each end by itself
+    assert np.median(overlap) > 0.95
+
+
 def test_a_symmetric_object_has_poses_that_look_alike() -> None:
     found = ts.fit_object(ts.simulate(SENSOR, pressed("square", 0.3), NOISE), SENSOR, SHAPES["square"], NOISE)
     (o,) = found.objects

@@ -134,6 +134,33 @@ def test_a_given_width_simulates_the_resolved_strip(name: str, lam: float) -> No
         np.testing.assert_array_equal(ts.simulate(plain, contact)[signature], k)
 
 
+def test_what_is_simulated_is_the_limit_of_fine_cells() -> None:
+    """Ideal contact on strips of 5 % of L: 32 cells across are off by 1e-4 of Vref."""
+    sensor = ts.Sensor(construction="crs-crs", strips=4, pitch_mm=5.0, length_mm=100.0, strip_width_mm=5.0)
+    contact = ts.Contact.polygon([(0, 12), (7.5, 54), (20, 70), (20, 85), (0, 56)])
+    scan = ts.simulate(sensor, contact)
+    coarse, middle, fine = (wide_readings(sensor, contact, across=n)["kh"] for n in (16, 32, 64))
+    limit = fine + (fine - middle) ** 2 / (2.0 * middle - coarse - fine)
+    assert np.abs(middle - scan["kh"]).max() > 8e-5
+    assert np.abs(limit - scan["kh"]).max() < 3e-5
+
+
+def test_corners_on_wide_strips_are_in_the_fit() -> None:
+    """Ideal contact, strips as wide as the pitch, noise of .03 %: the corners come back, and their regions hold."""
+    sensor = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=5.0, length_mm=100.0, strip_width_mm=5.0)
+    truth = np.array([(13.0, 48.0), (47.0, 15.0), (88.0, 52.0), (56.0, 86.0)])
+    noise, read = ts.Noise(positional=0.0003), wide_readings(sensor, ts.Contact.polygon(truth))
+    for seed in range(3):
+        errors = np.random.default_rng(seed).uniform(-3e-4, 3e-4, (2, 20))
+        scan = ts.Scan(kh=read["kh"] + errors[0], kl=read["kl"] + errors[1])
+        found = fit_polygon(scan, sensor, noise, bounded=False, vertices=4, assessment="none").objects[0]
+        assert found.covariance is not None
+        for i, off in enumerate(found.vertices - truth):
+            own = found.covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2]
+            assert off @ np.linalg.pinv(own) @ off < 13.8  # 99.9 %
+        assert np.abs(found.vertices - truth).max() < 0.1
+
+
 def test_a_given_width_is_simulated_in_closed_form_for_streams() -> None:
     """Exact on strips under straight edges; with a corner or in part within 2e-3 of Vref."""
     sensor = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=6.5, length_mm=325.0, strip_width_mm=3.0)

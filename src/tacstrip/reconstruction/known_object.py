@@ -65,6 +65,7 @@ _GUESS = 0.005  # of Vref: noise of the search where none is given
 _CHANCE, _LEAST_FREEDOM = 1e-3, 3  # of the F test, and of a polygon that it is made with
 _LEAST_NOISE = 2e-4  # of Vref: sensors that read better are compared with that
 _WIDTH_READ = 0.2  # of the width: by how much wide strips read other than their centre lines
+_NEIGHBOURS = 0.4  # correlation of soft edges' errors on neighbouring strips, measured on pressed rubber
 _PARTLY = 0.1  # of the width: how far off a strip is modelled that a corner or a steep edge lies on
 _ENOUGH = 4  # wide strips: of fewer none is left out
 _SUSPECTS = 8  # readings that are left out by turns where no pose explains all
@@ -94,7 +95,8 @@ def fit_object(
         strips share or that last are in the covariance.
     edge_mm
         Standard deviation of where soft edges end [mm]: of the whole outline's growth, which is fitted along, and of
-        every end by itself. 0: hard edges.
+        every end. 0: hard edges. With a noise given, ends of neighbouring strips err alike: over its
+        `edge_correlation_mm`, or with a correlation of .4.
 
     Returns
     -------
@@ -406,7 +408,10 @@ def _placed(
 ) -> RecoveredObject:
     """Return the object of one run of strips; round a tube their numbers begin again after `around`."""
     averaging = Averaging.of(scan)
-    known = None if noise is None else max(fit_sigma(noise, sensor, averaging), FLOOR)
+    hard = (
+        noise if noise is None or not edge_mm else replace(noise, edge_mm=0.0, blur_mm=0.0)
+    )  # counted by strip
+    known = None if hard is None else max(fit_sigma(hard, sensor, averaging), FLOOR)
     distribution = noise.distribution if noise is not None and noise.independent else "normal"
     k = np.stack([scan[name][run] for name in scan.signatures])
     there = np.isfinite(k)
@@ -554,15 +559,18 @@ def _vertices(corners: FloatArray, pose: FloatArray, covariance: FloatArray) -> 
 def _errors(
     fit: _Fit, pose: FloatArray, noise: Noise | None, averaging: Averaging
 ) -> CorrelatedErrors | None:
-    """Return the readings' errors at a pose where they are not independent; soft edges that were given are weights."""
-    if noise is None or fit.edge_mm or not (common_variance(noise, averaging) or noise.soft or noise.gain):
+    """Return the readings' errors at a pose, over their weights, where they are not independent."""
+    if noise is not None and fit.edge_mm:  # the growth of all ends is fitted along
+        apart = noise.edge_correlation_mm or -fit.sensor.pitch_mm / math.log(_NEIGHBOURS)
+        noise = replace(noise, edge_mm=fit.edge_mm, edge_correlation_mm=apart, blur_mm=0.0)
+    if noise is None or not (common_variance(noise, averaging) or noise.soft or noise.gain):
         return None
     used, ends = fit.weight > 0.0, fit.ends(pose[None])[:2]
     matrix = reading_covariance(noise, fit.sensor, fit.x_mm, (ends[0][0], ends[1][0]), fit.names, averaging)
     at, weight = used.ravel(), fit.weight[used]
     residuals, slopes = (rows[0, : at.size][at] for rows in fit.rows(pose[None]))
-    jacobian = slopes[:, : fit.parameters] / weight[:, None]
-    return CorrelatedErrors(matrix[np.ix_(at, at)], 1.0 / weight.max(), jacobian, residuals / weight, used)
+    matrix = matrix[np.ix_(at, at)] * np.outer(weight, weight)
+    return CorrelatedErrors(matrix, 1.0, slopes[:, : fit.parameters], residuals, used)
 
 
 def _beyond_polygon(fit: _Fit, pose: FloatArray) -> bool:

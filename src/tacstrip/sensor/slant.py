@@ -77,7 +77,9 @@ def edge_read(height: FloatArray, width_mm: float, sign: float, contact_lambda_m
     there = np.isfinite(middle)
     count = there.sum(axis=-1)
     mean = np.where(there, middle, 0.0).sum(axis=-1) / np.maximum(count, 1)
-    return np.asarray(np.where(count > 0, mean, np.nan))
+    # Nothing reads further out than the furthest point: an upright side within the strip has no slope to count.
+    furthest = np.where(np.isfinite(height), sign * height, -np.inf).max(axis=-1)
+    return np.asarray(np.where(count > 0, sign * np.minimum(sign * mean, furthest), np.nan))
 
 
 @lru_cache(maxsize=8)

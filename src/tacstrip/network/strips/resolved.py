@@ -24,7 +24,9 @@ from shapely.geometry.base import BaseGeometry
 from tacstrip.arguments import takes
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.contact.footprint import on_sensor
+from tacstrip.contact.resolved_ends import resolved_ends
 from tacstrip.contact.shape import Contact
+from tacstrip.contact.signature import signatures
 from tacstrip.errors import ContactError, NetworkError
 from tacstrip.network.grid import check_count, shares
 from tacstrip.network.nodal import Measurement
@@ -214,7 +216,9 @@ def wide_readings(
 ) -> dict[str, FloatArray]:
     """Return what every strip reads over Vref, signature to (strips,), NaN where nothing touches.
 
-    A strip is touched where any part of its width is. Arguments and errors as for `wide_measurements`.
+    A strip is touched where any part of its width is. Arguments and errors as for `wide_measurements`, but that without
+    `across` readings are those of the limit of fine cells: ideal contact by boundary integrals (`resolved_ends`),
+    contact resistance extrapolated from the default, half and a quarter as many cells.
 
     Examples
     --------
@@ -228,7 +232,53 @@ def wide_readings(
     >>> [wide_readings(sensor, c, across=8)["k"].round(3) for c in (straight, slanted)]
     [array([0.667]), array([0.653])]
     """
-    return solved(sensor, wide_measurements(sensor, contact, across, strips=strips))
+    if across is not None:
+        return solved(sensor, wide_measurements(sensor, contact, across, strips=strips))
+    strips = range(sensor.strips) if strips is None else list(strips)
+    read, rest = _without_cells(sensor, contact, strips)
+    if not rest:
+        return read
+    finest = _cells_across(sensor)
+    meshes = (finest // 4, finest // 2, finest)
+    coarse, middle, fine = (
+        solved(sensor, wide_measurements(sensor, contact, n, strips=rest)) for n in meshes
+    )
+    return {
+        name: np.where(np.isnan(k), mesh_limit(coarse[name], middle[name], fine[name]), k)
+        for name, k in read.items()
+    }
+
+
+def _without_cells(
+    sensor: Sensor, contact: Contact, strips: Iterable[int]
+) -> tuple[dict[str, FloatArray], list[int]]:
+    """Return the readings of strips by boundary integrals, NaN where these do not serve, and those strips."""
+    l, u = np.full((2, sensor.strips), np.nan)
+    rest = list(strips)
+    if sensor.kind.closed_form and sensor.contact_lambda_mm == 0.0:
+        shapes = on_sensor(sensor, contact).shapes
+        for strip in rest:
+            ends = resolved_ends(shapes, float(sensor.x_mm[strip]), sensor.strip_width, sensor.length_mm)
+            if ends is not None:
+                l[strip], u[strip] = ends
+        rest = [strip for strip in rest if np.isnan(l[strip])]
+    empty = {name: np.full(sensor.strips, np.nan) for name in sensor.signatures}
+    return (signatures(sensor, l, u) if len(rest) < sensor.strips else empty), rest
+
+
+def mesh_limit(coarse: FloatArray, middle: FloatArray, fine: FloatArray) -> FloatArray:
+    """Return the limit of readings of three meshes, each of half the cells; between the orders 1 and 2."""
+    last = fine - middle
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.clip((middle - coarse) / last, 2.0, 4.0)
+    step = np.where(np.isfinite(ratio), last / (ratio - 1.0), 0.0)
+    return np.asarray(fine + np.where(np.isfinite(step), step, 0.0))
+
+
+def _cells_across(sensor: Sensor) -> int:
+    """Return how many cells there are across a strip by default."""
+    lam = sensor.contact_lambda_mm
+    return int(np.clip(_PER_LAMBDA * sensor.strip_width / lam if lam else 0.0, _FEWEST, _MOST))
 
 
 def wide_measurements(
@@ -261,9 +311,7 @@ def wide_measurements(
             f"a {sensor.kind.name} sensor's strips are coupled by the sheet: no strip stands alone"
         )
     lam, width = sensor.contact_lambda_mm, sensor.strip_width
-    if across is None:
-        across = int(np.clip(_PER_LAMBDA * width / lam if lam else 0.0, _FEWEST, _MOST))
-    across = check_count("across", across, MOST)
+    across = check_count("across", _cells_across(sensor) if across is None else across, MOST)
     thin = [s for s in contact.shapes if s.area == 0.0 and (lam > 0.0 or s.length == 0.0)]
     if thin:
         what = "point" if thin[0].length == 0.0 else "line"

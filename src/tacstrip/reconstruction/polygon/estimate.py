@@ -33,7 +33,7 @@ from tacstrip.sensor.constructions import check_closed_form
 from tacstrip.sensor.left_out import left_out_wholly
 from tacstrip.sensor.spec import Sensor
 
-_ROUNDS = 2  # of taking away what the strips' width adds
+_ROUNDS, _SETTLED = 8, 0.1  # of taking away what the strips' width adds, until it changes by less [sigma]
 _AT_ONCE, _PARTS = 16, 4  # scans that the core takes in one call, and calls for each thread at least
 _ABOUT = 0.2  # of an area that is given without its standard deviation
 
@@ -275,7 +275,11 @@ def _contacts(
         for _ in range(_ROUNDS if sensor.strip_width_mm else 0):
             if (outline := run.outline) is None:
                 break
-            readings = remove_width_effect(sensor, outline, x, measured)
+            thin = remove_width_effect(sensor, outline, x, measured, corners=True)
+            change = max(float(np.nan_to_num(np.abs(thin[name] - k)).max()) for name, k in readings.items())
+            if change < _SETTLED * run.sigma:
+                break
+            readings = thin
             run = checked(runs_of([readings])[0])
         run = run if sigma is not None else _at_least_a_step(run, sensor)
         return FittedContact(strips, missing, fitted, readings, margin_mm, vertices, run)
