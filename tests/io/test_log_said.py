@@ -56,6 +56,7 @@ def test_volts_of_another_supply_are_asked(said: str) -> None:
     [
         "# Vref = 5,00 V, USB 4,9 V", "# Akku 3,7 V", "# Bereich 10 V", "# threshold 4.2 V", "# 5 V, 21 C",
         "# +/- 0,5 mV", "# 0-10 V input", "# strip 4 V", "# resolution 4.88 mV",
+        "# v_h up to 4.5 V", "# readings reach 4.5 V", "# bis zu 4,5 V", "# V_H = 4.5 V at full press",
     ],
 )  # fmt: skip
 def test_other_volts_are_no_question(said: str) -> None:

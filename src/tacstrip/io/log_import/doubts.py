@@ -14,6 +14,7 @@ from tacstrip.io.log_import.mapping import ColumnMapping
 from tacstrip.io.log_import.names import TIME_UNITS, meanings, unknown_unit
 from tacstrip.io.log_import.questions import Clues
 from tacstrip.io.log_import.scans import field_value, raw_times
+from tacstrip.io.log_import.supply import ask_for_vref
 
 _APART = 5.0  # times: nothing lies between numbers of two units, or around one that lost its point
 _RATIOS = (30.0, 3000.0)  # of the medians of two such groups
@@ -23,9 +24,6 @@ _FEW = 0.05  # of the readings: more are no slip of single fields
 _NEAR = 0.5  # of the least of the others: what may be as it stands
 _ALIKE = 8  # readings of a column: as many tell how its numbers are written
 _SHOWN = 3
-_SAME = 0.02  # relative: as the spec says it
-_VREF = re.compile(r"\b(?:v_?ref|aref|vcc|vdd)\b[^\d\n]{0,12}?(\d+(?:[.,]\d+)?)\s*(m?)V\b", re.IGNORECASE)
-_VREF_NAME = re.compile(r"v_?ref(?:_?(?:m?v|volts?))?(?:\s*[\[(]m?V[\])])?", re.IGNORECASE)
 _VALIDITY = re.compile(
     r"(?:is_?)?(?:valid|ok|okay|good|bad|invalid|error|err|fault|flag|quality|saturated|overrange|clipped)",
     re.IGNORECASE,
@@ -53,7 +51,7 @@ def raise_doubts(clues: Clues, mapping: ColumnMapping) -> None:
         _of_one_unit(clues, mapping, only_lost=noise)
         _of_known_units(clues, mapping)
     _written_alike(clues, mapping)
-    _vref(clues)
+    ask_for_vref(clues)
     _attenuated(clues)
     _two_clocks(clues, mapping)
     used = {*mapping.columns, mapping.time, mapping.scan, mapping.strip, mapping.which}
@@ -221,27 +219,3 @@ def _of_known_units(clues: Clues, mapping: ColumnMapping) -> None:
             f"column {strange[0]!r}: {said[strange[0]]!r} is no unit of readings that is known; save them in "
             "V, mV, codes or over Vref, or say --answer unit=V (mV, code, ...) if the numbers are in that"
         )
-
-
-def _vref(clues: Clues) -> None:
-    """Ask which Vref holds where a log says another one than the spec."""
-    if clues.sensor is None or "vref_volt" in clues.answers:
-        return
-    told = {
-        float(d.replace(",", ".")) * (1e-3 if m else 1.0): ""
-        for d, m in _VREF.findall("\n".join(clues.table.preamble))
-    }
-    for name in clues.table.names:
-        if _VREF_NAME.fullmatch(name.strip()):
-            milli = 1e-3 if re.search(r"mv", name, re.IGNORECASE) else 1.0
-            for line, text in zip(clues.table.lines, clues.table.column(name), strict=True):
-                value = number_of(text, clues.table.decimal)
-                told |= {milli * value: f"line {line}: "} if value and milli * value not in told else {}
-    vref = clues.sensor.vref_volt
-    for volts, place in told.items():
-        if abs(volts - vref) > _SAME * vref:
-            clues.ask(
-                "vref_volt",
-                f"{place}the log says Vref = {volts:g} V, and the spec vref_volt = {vref:g}: with which was it made?",
-                f"{volts:g}", f"{vref:g}",
-            )  # fmt: skip

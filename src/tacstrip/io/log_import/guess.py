@@ -15,19 +15,19 @@ import numpy as np
 from tacstrip.errors import OptionError, ReadingError
 from tacstrip.io.log_import import conversion, quantities
 from tacstrip.io.log_import.broken import settle_broken
+from tacstrip.io.log_import.changes import ask_for_notes
 from tacstrip.io.log_import.columns import Columns, above, find_columns
 from tacstrip.io.log_import.doubts import raise_doubts
 from tacstrip.io.log_import.fields import is_garbled
 from tacstrip.io.log_import.mapping import ColumnMapping
 from tacstrip.io.log_import.names import IN_VOLTS, meaning, meanings
-from tacstrip.io.log_import.notes import ask_for_notes
 from tacstrip.io.log_import.others import drop_others
 from tacstrip.io.log_import.questions import KEYS, Clues, Question, Unanswered
 from tacstrip.io.log_import.scans import LogScan, scans, strip_numbers
 from tacstrip.io.log_import.statements import base_said
+from tacstrip.io.log_import.supply import ask_for_supply
 from tacstrip.io.log_import.table import PART, Table
 from tacstrip.io.log_import.turns import with_turn
-from tacstrip.io.log_import.volts_said import ask_for_supply
 from tacstrip.io.log_import.write import at_rest
 from tacstrip.sensor.spec import Sensor
 
