@@ -120,7 +120,15 @@ def test_a_note_of_the_sensor_beside_one_of_what_touches_is_asked(note: str, lon
     assert "part" in {q.key for q in asked.value.questions}
 
 
-@pytest.mark.parametrize("note", ["# from here on half", "# moved the plug to the left end", "# nuovo cavo", "# po nacisku inny wzmacniacz"])
+@pytest.mark.parametrize(
+    "note",
+    [
+        "# from here on half",
+        "# moved the plug to the left end",
+        "# nuovo cavo",
+        "# po nacisku inny wzmacniacz",
+    ],
+)
 def test_a_note_with_a_word_that_is_not_known_stays_a_doubt(note: str) -> None:
     assert any("taken as notes" in doubt for doubt in _read(_with_note(note)).doubts)
 

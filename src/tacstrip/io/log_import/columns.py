@@ -13,7 +13,7 @@ import numpy as np
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import OptionError, ReadingError
 from tacstrip.io.log_import.changes import ask_which_part
-from tacstrip.io.log_import.fields import clock_seconds, number_of, says_nothing
+from tacstrip.io.log_import.fields import clock_seconds, is_date, number_of, says_nothing
 from tacstrip.io.log_import.names import (
     CHANNELS,
     IN_VOLTS,
@@ -160,6 +160,7 @@ def _ask_for_sensor(clues: Clues, known: dict[str, Meaning]) -> None:
             or name in (*clues.answers, ROW, CLOCK, PART)
             or not 1 < len(values) <= _MOST_SENSORS or not all(values) or {*values} & {*ROLES}
             or (known[name].role == "reading" and known[name].strip is not None)
+            or all(clock_seconds(v) is not None or is_date(v) for v in values)
             or _counts_scans(fields, when)
         ):  # fmt: skip
             continue

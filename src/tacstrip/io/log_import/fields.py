@@ -9,7 +9,7 @@ from datetime import date
 from functools import lru_cache
 from typing import Any
 
-from tacstrip.io.log_import.names import UNITS
+from tacstrip.io.log_import.names import UNITS, with_latin_units
 
 # What stands for an untouched strip in anybody's log.
 NOTHING = frozenset(
@@ -112,6 +112,7 @@ def quantity(text: str, decimal: str = ".") -> tuple[float, str] | None:
         .replace("\u2212", "-")
         .replace("\u03bc", "\u00b5")
     )
+    text = text if text.isascii() else with_latin_units(text)
     found = _NUMBER.match(text) if text.isascii() or "µ" in text or "‰" in text else None
     if not found:
         return None

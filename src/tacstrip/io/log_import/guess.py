@@ -18,12 +18,12 @@ from tacstrip.io.log_import.broken import settle_broken
 from tacstrip.io.log_import.changes import ask_for_notes
 from tacstrip.io.log_import.columns import Columns, above, find_columns
 from tacstrip.io.log_import.doubts import raise_doubts
-from tacstrip.io.log_import.fields import is_garbled
+from tacstrip.io.log_import.fields import STAMP, is_garbled
 from tacstrip.io.log_import.mapping import ColumnMapping
-from tacstrip.io.log_import.names import IN_VOLTS, meaning, meanings
+from tacstrip.io.log_import.names import CLOCKS, IN_VOLTS, meaning, meanings
 from tacstrip.io.log_import.others import drop_others
 from tacstrip.io.log_import.questions import KEYS, Clues, Question, Unanswered
-from tacstrip.io.log_import.scans import LogScan, scans, strip_numbers
+from tacstrip.io.log_import.scans import LogScan, is_newest_first, scans, strip_numbers
 from tacstrip.io.log_import.statements import base_said
 from tacstrip.io.log_import.supply import ask_for_supply
 from tacstrip.io.log_import.table import PART, Table
@@ -283,6 +283,9 @@ def _rough(clues: Clues, found: Columns) -> tuple[ColumnMapping, list[LogScan]]:
     clues.choice("missing", ("untouched", "error"))
     mapping = quantities.with_time(clues, mapping, found)
     loose = replace(mapping, time_unit=mapping.time_unit or "s", restart="continue")
+    if is_newest_first(clues.table, loose):
+        told = f"{mapping.time} falls from line to line: the newest stands first, and scans are put in the order of time"
+        (clues.because if mapping.time_unit in CLOCKS else clues.doubt)(told)
     plain = replace(loose, restart="error")
     try:
         rough = scans(clues.table, plain)
@@ -458,8 +461,18 @@ def _broken(clues: Clues) -> str:
         )
     if clues.choice("broken_lines", ("skip", "error")):
         return clues.answers["broken_lines"]
+    if all(n > max(clues.table.lines) and _is_footer(clues.table.quotes.get(n, "")) for n in broken):
+        return "skip"  # with a warning
     clues.ask("broken_lines", f"line(s) {shown} are not like the others: leave them out?", "skip")
     return "skip"
+
+
+def _is_footer(text: str) -> bool:
+    """Return whether a line below the readings is words and perhaps a time, and nothing of a strip or a reading."""
+    rest = re.sub(STAMP, "", text)
+    words = [w for w in re.findall(r"[^\W\d_]+", rest) if len(w) > 1]
+    known = {meaning(w).role for w in words}
+    return len(words) > 1 and not re.search(r"\d", rest) and not known & {"strip", "reading", "which"}
 
 
 def _missing(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> str:

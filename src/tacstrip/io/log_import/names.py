@@ -87,11 +87,20 @@ _TRANSLATED = {
         "low": "\u4f4e \u4f4e\u7aef \u4e0b \u4e0b\u7aef \u043d\u0438\u0437",
         "voltage": "\u7535\u538b \u96fb\u5727 \u043d\u0430\u043f\u0440\u044f\u0436\u0435\u043d\u0438\u0435",
         "number": "\u53f7 \u7f16\u53f7 \u756a\u53f7",
+        "mv": "\u6beb\u4f0f \u30df\u30ea\u30dc\u30eb\u30c8 \ubc00\ub9ac\ubcfc\ud2b8",
+        "volt": "\u4f0f \u4f0f\u7279 \u30dc\u30eb\u30c8 \ubcfc\ud2b8",
         "frame": "\u5e27 \u30d5\u30ec\u30fc\u30e0",
     }.items()
     for word in alike.split()
 }
 OTHER_SCRIPT = re.compile("|".join(sorted(_TRANSLATED, key=len, reverse=True)))
+_CYRILLIC = {"\u043c\u043a\u0412": "uV", "\u043c\u0412": "mV", "\u0412": "V", "\u043c\u043a\u0441": "us", "\u043c\u0441": "ms"} | {
+    "\u0441": "s", "\u043c\u0438\u043d": "min"
+}  # fmt: skip
+# In brackets, or behind a number, a comma or a slash: elsewhere two of them are words.
+_CYRILLIC_UNIT = re.compile(
+    rf"([\[(,/\d]\s*)({'|'.join(sorted(_CYRILLIC, key=len, reverse=True))})(?=\s*(?:[\])]|\Z))"
+)
 _UNCOMBINED = str.maketrans(
     "\u0142\u0141\u00f8\u00d8\u0111\u0131", "lLoOdi"
 )  # letters that are none with a mark
@@ -430,6 +439,17 @@ def unknown_unit(name: str) -> str:
     return last[1] if last else factor.group() if factor else ""
 
 
+def with_latin_units(text: str) -> str:
+    """Return a text with units of Cyrillic letters as others write them.
+
+    Examples
+    --------
+    >>> with_latin_units("U, \u043c\u0412"), with_latin_units("t [\u0441]"), with_latin_units("1497 \u043c\u0412")
+    ('U, mV', 't [s]', '1497 mV')
+    """
+    return _CYRILLIC_UNIT.sub(lambda m: m[1] + _CYRILLIC[m[2]], text)
+
+
 def is_called_k(name: str) -> bool:
     """Return whether the letter k is all that makes a column one of fractions, as in "k0" or "k_h 3".
 
@@ -456,7 +476,8 @@ def _singular(word: str) -> str:
 @lru_cache(maxsize=2**16)
 def _tokens(name: str) -> tuple[list[str], str]:
     """Return a name's words and numbers in lower case, and the unit in brackets, after a slash, or last."""
-    name = OTHER_SCRIPT.sub(lambda m: _TRANSLATED[m[0]], _PLACE.sub("", name)).translate(_UNCOMBINED)
+    name = with_latin_units(_PLACE.sub("", name))
+    name = OTHER_SCRIPT.sub(lambda m: _TRANSLATED[m[0]], name).translate(_UNCOMBINED)
     plain = "".join(c for c in unicodedata.normalize("NFKD", name) if not unicodedata.combining(c))
     plain = re.sub(r"\u00b1|\+/-", " plusminus ", plain.replace("\u03bc", "\u00b5"))
     unit = ""

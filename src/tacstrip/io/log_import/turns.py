@@ -96,9 +96,7 @@ def _swings(values: FloatArray, many: int) -> bool:
     drift = np.stack([np.ones(len(n)), n], axis=1)
     waves = np.linspace(1.0 / (2 * _MOST), 0.5, _WAVES * len(n), endpoint=False)  # per scan
     angles = 2.0 * np.pi * np.append(waves, 1.0 / many)[:, None] * n
-    swing = min(
-        _error(np.hstack([drift, np.stack([np.cos(a), np.sin(a)], axis=1)]), read, 1) for a in angles
-    )
+    swing = min(_error(np.hstack([drift, np.stack([np.cos(a), np.sin(a)], axis=1)]), read, 1) for a in angles)
     return bool(swing < _BETTER * sensors or (many == _MOST and swing < _AS_WELL * sensors))
 
 
