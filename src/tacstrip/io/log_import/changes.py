@@ -162,11 +162,11 @@ def _changes(line: str, *concepts: str) -> bool:
 
 
 def names_a_unit(line: str) -> bool:
-    """Return whether a comment names a unit of readings behind no number; of a Vref with its volts, others ask.
+    """Return whether a comment names a unit of readings behind no number; a Vref with its volts is another matter.
 
     Examples
     --------
-    >>> names_a_unit("# od tego miejsca jako ulamek Vref"), names_a_unit("# battery 3.3 V"), names_a_unit("# Vref = 5 V")
+    >>> names_a_unit("# odtad jako ulamek Vref"), names_a_unit("# battery 3.3 V"), names_a_unit("# Vref = 5 V")
     (True, False, False)
     """
     named = is_comment(line) and _UNIT.search(line) and not _RESOLUTION.search(line)
@@ -185,7 +185,7 @@ def is_harmless(line: str, vref: float) -> bool:
 
     Examples
     --------
-    >>> is_harmless("# pressed harder", 5.0), is_harmless("# Vref = 5.00", 5.0), is_harmless("# moved to the left end", 5.0)
+    >>> is_harmless("# pressed harder", 5.0), is_harmless("# Vref = 5.00", 5.0), is_harmless("# at the left end", 5.0)
     (True, True, True)
     >>> is_harmless("# from here on half", 5.0), is_harmless("# Vref = 3.3", 5.0), is_harmless("# nuovo cavo", 5.0)
     (False, False, False)

@@ -13,11 +13,12 @@ from typing import TypeVar
 import numpy as np
 
 from tacstrip.errors import OptionError, ReadingError
-from tacstrip.io.log_import import conversion, quantities
+from tacstrip.io.log_import import conversion, no_contact, time_unit, units
 from tacstrip.io.log_import.broken import settle_broken
 from tacstrip.io.log_import.changes import ask_for_notes
-from tacstrip.io.log_import.columns import Columns, above, find_columns
+from tacstrip.io.log_import.columns import Columns, find_columns
 from tacstrip.io.log_import.doubts import raise_doubts
+from tacstrip.io.log_import.ends import above
 from tacstrip.io.log_import.fields import STAMP, is_garbled
 from tacstrip.io.log_import.mapping import ColumnMapping
 from tacstrip.io.log_import.names import CLOCKS, IN_VOLTS, meaning, meanings
@@ -234,11 +235,11 @@ def _assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
     _drop_repeated(clues, found)
     drop_others(clues, found)
     mapping, rough = _rough(clues, found)
-    mapping = quantities.settled_time(clues, mapping, rough)
+    mapping = time_unit.settled_time(clues, mapping, rough)
     mapping = replace(
         mapping, scale=conversion.factor(clues) * conversion.of_lengths(clues, [*mapping.columns])
     )
-    mapping = replace(mapping, untouched=(*mapping.untouched, *quantities.numbers_for_nothing(clues, rough)))
+    mapping = replace(mapping, untouched=(*mapping.untouched, *no_contact.numbers_for_nothing(clues, rough)))
     loose = replace(mapping, time_unit=mapping.time_unit or "s", restart="continue", missing="untouched")
     rough = scans(clues.table, loose)
     settle_broken(clues, loose, rough)
@@ -246,7 +247,7 @@ def _assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
     ask_for_notes(clues, rough)
     mapping = _with_ends(clues, mapping, found, rough)
     raise_doubts(clues, mapping)
-    mapping = quantities.with_unit(clues, mapping, found, rough)
+    mapping = units.with_unit(clues, mapping, found, rough)
     if mapping.unit in IN_VOLTS:
         ask_for_supply(clues)
     return mapping, rough
@@ -276,15 +277,15 @@ def _rough(clues: Clues, found: Columns) -> tuple[ColumnMapping, list[LogScan]]:
     mapping = ColumnMapping(
         columns=found.readings, unit="V", strips=count, strip_base=base, scan=found.scan, strip=found.strip,
         which=found.which, which_h=which_h, time=found.time, strip_step=found.strip_step,
-        broken_lines=_broken(clues), untouched=quantities.words_for_nothing(clues, found), missing="untouched",
+        broken_lines=_broken(clues), untouched=no_contact.words_for_nothing(clues, found), missing="untouched",
         only=clues.only,
     )  # fmt: skip
-    mapping = quantities.with_zero(clues, mapping)
+    mapping = units.with_zero(clues, mapping)
     clues.choice("missing", ("untouched", "error"))
-    mapping = quantities.with_time(clues, mapping, found)
+    mapping = time_unit.with_time(clues, mapping, found)
     loose = replace(mapping, time_unit=mapping.time_unit or "s", restart="continue")
     if is_newest_first(clues.table, loose):
-        told = f"{mapping.time} falls from line to line: the newest stands first, and scans are put in the order of time"
+        told = f"{mapping.time} falls: the newest stands first, and scans are put in the order of time"
         (clues.because if mapping.time_unit in CLOCKS else clues.doubt)(told)
     plain = replace(loose, restart="error")
     try:
@@ -301,7 +302,7 @@ def _rough(clues: Clues, found: Columns) -> tuple[ColumnMapping, list[LogScan]]:
                 "continue", "first", "last",
             )  # fmt: skip
         mapping = replace(mapping, restart=clues.answers.get("restart", "continue"))
-    quantities.settle_words(clues, mapping, rough)
+    no_contact.settle_words(clues, mapping, rough)
     mapping = replace(mapping, missing=_missing(clues, loose, rough))
     return mapping, rough
 

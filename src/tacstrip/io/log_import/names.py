@@ -10,19 +10,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
+from tacstrip.io.log_import.words import names_of
 
-def _words(text: str) -> frozenset[str]:
-    return frozenset(text.split())
+
+def _words(kind: str) -> frozenset[str]:
+    return frozenset(names_of(kind))
 
 
 _QUANTITY = ("", "v", "u", "k", "code", "adc", "raw", "val", "volt", "s", "sig")
-_HIGH = _words("high hoch haut haute alto alta hoog wysoki wysokie y\u00fcksek yuksek") | {
-    q + e for q in _QUANTITY for e in ("h", "hi", "high")
-}
-_LOW = _words("low tief niedrig bas basse bassa basso bajo baja baixo baixa laag niski niskie dusuk") | {
-    q + e for q in _QUANTITY for e in ("l", "lo", "low")
-}
-_OUT = _words("out vout uout codeout")
+_HIGH = _words("high") | {q + e for q in _QUANTITY for e in ("h", "hi", "high")}
+_LOW = _words("low") | {q + e for q in _QUANTITY for e in ("l", "lo", "low")}
+_OUT = _words("output")
 # Pairs of channels whose names do not say which end they are of; the readings do (k_h >= k_l).
 _PAIRS = (
     ("a", "b"), ("top", "bottom"), ("upper", "lower"), ("oben", "unten"), ("left", "right"), ("end", "start"),
@@ -34,46 +32,18 @@ _PAIRS = (
     ("anfang", "ende"), ("debut", "fin"), ("inicio", "fin"), ("inicio", "fim"), ("top", "bot"),
 )  # fmt: skip
 _ONE_OF_PAIR = frozenset(name for pair in _PAIRS for name in pair)
-_VOLTS = _words("v u voltage volt volts spannung tension tensione tensiune vout uout voltaje") | {
-    q + e for q in "vu" for e in ("h", "hi", "high", "l", "lo", "low")
-}
-_VALUE = _VOLTS | _words(
-    "value val reading readings wert messwert signal output level ain ai an analog in k data kanal ratio adc raw code "
-    "codes count counts valeur valore valor lesung read measured meas y amplitude waarde wartosc tensao spanning "
-    "napiecie lecture lectura leitura lettura mesure medida meting pomiar misura signal senal sinal segnale"
-)
-_STRIP = _words(
-    "strip strips stripe streifen ch channel kanal sensor taxel line element row track bande band electrode s "
-    "col column pin tira striscia fascia stripid stripno sid lane zone chan strap elektrode canal canale fita faixa "
-    "banda strook pasek pasmo remsa listra pista kanaal serit bana kanava banden ruban strisce tiras fitas"
-)
-_INPUTS = _words(
-    "channel kanal canal canale kanaal sensor element line column electrode elektrode chan zone lane track"
-)
+_VOLTS = _words("voltage") | {q + e for q in "vu" for e in ("h", "hi", "high", "l", "lo", "low")}
+_VALUE = _VOLTS | _words("value")
+_STRIP = _words("strip")
+_INPUTS = _words("inputs")
 _ABBREVIATED = 3  # letters of a word that may be anything in prose
-_TIME = _words(
-    "t time times zeit zeitstempel tempo heure hora ora timestamp millis micros elapsed seconds sec secs uhrzeit "
-    "datetime date datum temps tiempo clock stamp ts timems timeus ms us msec msecs usec usecs nsecs tick tijd tid "
-    "czas unix epoch utc cas zaman instante horodatage zeitpunkt messzeit laufzeit moment aika tijdstip tiempos"
-)
-_SCAN = _words(
-    "scan frame sample samples n nr no index idx i messung cycle seq sequence scanno messnr count sweep id frameno "
-    "scanid unnamed mesure muestra probe run record packet loop iteration step round pass amostra varredura campione "
-    "scansione barrido balayage trame durchlauf pomiar meting"
-)
-_WHICH = _words(
-    "signature kind end type which side seite level measurement meas signal phase channel ch output mux sel "
-    "select layer bank sens richtung sentido verso"
-)
-_BESIDE = _words(
-    "no nr number nummer num id idx index nummero numero"
-)  # beside another word, they say nothing more
-_FILLER = _words(
-    "field header msg message stamp the of der des in at rosbag and side end edge seite ende lado lato cote extremo "
-    "extremite electrode contact signal mean avg average mittel mittelwert moyenne media"
-)
+_TIME = _words("time")
+_SCAN = _words("scan")
+_WHICH = _words("channel")
+_BESIDE = _words("number")  # beside another word, they say nothing more
+_FILLER = _words("beside_a_reading")
 # Of what is said beside a mean, and is none.
-_SPREAD = _words("plusminus std stdev stddev sd sem sigma err error unc uncertainty stabw")
+_SPREAD = _words("spread")
 # Of other scripts, the words that logs have.
 _TRANSLATED = {
     word: f" {english} "
@@ -94,8 +64,9 @@ _TRANSLATED = {
     for word in alike.split()
 }
 OTHER_SCRIPT = re.compile("|".join(sorted(_TRANSLATED, key=len, reverse=True)))
-_CYRILLIC = {"\u043c\u043a\u0412": "uV", "\u043c\u0412": "mV", "\u0412": "V", "\u043c\u043a\u0441": "us", "\u043c\u0441": "ms"} | {
-    "\u0441": "s", "\u043c\u0438\u043d": "min"
+_CYRILLIC = {
+    "\u043c\u043a\u0412": "uV", "\u043c\u0412": "mV", "\u0412": "V", "\u043c\u043a\u0441": "us", "\u043c\u0441": "ms",
+    "\u0441": "s", "\u043c\u0438\u043d": "min",
 }  # fmt: skip
 # In brackets, or behind a number, a comma or a slash: elsewhere two of them are words.
 _CYRILLIC_UNIT = re.compile(

@@ -70,9 +70,9 @@ def turns(values: FloatArray, times: FloatArray) -> int:
             continue  # presses and what lies between them
         within = _apart(values, many)
         if _in_turns(times, many):
-            nearer = np.median(within) < _NEARER_IN_TURNS * np.median(across)
+            nearer = bool(np.median(within) < _NEARER_IN_TURNS * np.median(across))
         else:
-            nearer = np.quantile(within, 0.8) < _NEARER * np.quantile(across, 0.2)
+            nearer = bool(np.quantile(within, 0.8) < _NEARER * np.quantile(across, 0.2))
             nearer = nearer and not _swings(values, many)
         if nearer:
             return many

@@ -29,6 +29,17 @@ def any_of(*concepts: str) -> str:
     return "(?:" + "|".join(map(_as_expression, sorted(words, key=lambda w: (-len(w), w)))) + ")"
 
 
+def names_of(kind: str) -> list[str]:
+    """Return the words of columns' names that are of a kind, such as "time".
+
+    Examples
+    --------
+    >>> "zeit" in names_of("time"), "zeit" in names_of("strip")
+    (True, False)
+    """
+    return _table()["names"][kind].split()
+
+
 @cache
 def finder(*concepts: str) -> re.Pattern[str]:
     """Return what finds a word of concepts; compiled once."""
