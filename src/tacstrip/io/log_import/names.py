@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
-from tacstrip.io.log_import.words import names_of
+from tacstrip.io.log_import.words import names_of, translated
 
 
 def _words(kind: str) -> frozenset[str]:
@@ -22,15 +22,7 @@ _HIGH = _words("high") | {q + e for q in _QUANTITY for e in ("h", "hi", "high")}
 _LOW = _words("low") | {q + e for q in _QUANTITY for e in ("l", "lo", "low")}
 _OUT = _words("output")
 # Pairs of channels whose names do not say which end they are of; the readings do (k_h >= k_l).
-_PAIRS = (
-    ("a", "b"), ("top", "bottom"), ("upper", "lower"), ("oben", "unten"), ("left", "right"), ("end", "start"),
-    ("first", "second"), ("x", "y"), ("p", "q"), ("e1", "e2"), ("up", "down"), ("far", "near"), ("links", "rechts"),
-    ("o", "u"), ("plus", "minus"), ("sup", "inf"), ("superior", "inferior"), ("superieur", "inferieur"),
-    ("superieure", "inferieure"), ("superiore", "inferiore"), ("arriba", "abajo"), ("sopra", "sotto"),
-    ("obere", "untere"), ("oberes", "unteres"), ("boven", "onder"), ("gora", "dol"), ("horni", "dolni"),
-    ("gauche", "droite"), ("izquierda", "derecha"), ("sinistra", "destra"), ("esquerda", "direita"),
-    ("anfang", "ende"), ("debut", "fin"), ("inicio", "fin"), ("inicio", "fim"), ("top", "bot"),
-)  # fmt: skip
+_PAIRS = tuple((a, b) for a, _, b in (pair.partition("/") for pair in names_of("pairs")))
 _ONE_OF_PAIR = frozenset(name for pair in _PAIRS for name in pair)
 _VOLTS = _words("voltage") | {q + e for q in "vu" for e in ("h", "hi", "high", "l", "lo", "low")}
 _VALUE = _VOLTS | _words("value")
@@ -45,24 +37,7 @@ _FILLER = _words("beside_a_reading")
 # Of what is said beside a mean, and is none.
 _SPREAD = _words("spread")
 # Of other scripts, the words that logs have.
-_TRANSLATED = {
-    word: f" {english} "
-    for english, alike in {
-        "time": "\u65f6\u95f4 \u6642\u9593 \u6642\u523b \uc2dc\uac04 \u0432\u0440\u0435\u043c\u044f",
-        "ms": "\u6beb\u79d2 \u30df\u30ea\u79d2",
-        "s": "\u79d2",
-        "channel": "\u901a\u9053 \u30c1\u30e3\u30f3\u30cd\u30eb \ucc44\ub110 \u043a\u0430\u043d\u0430\u043b",
-        "strip": "\u6761 \u689d \u6761\u5e26 \u30b9\u30c8\u30ea\u30c3\u30d7 \u043f\u043e\u043b\u043e\u0441\u0430",
-        "high": "\u9ad8 \u9ad8\u7aef \u4e0a \u4e0a\u7aef \u0432\u0435\u0440\u0445",
-        "low": "\u4f4e \u4f4e\u7aef \u4e0b \u4e0b\u7aef \u043d\u0438\u0437",
-        "voltage": "\u7535\u538b \u96fb\u5727 \u043d\u0430\u043f\u0440\u044f\u0436\u0435\u043d\u0438\u0435",
-        "number": "\u53f7 \u7f16\u53f7 \u756a\u53f7",
-        "mv": "\u6beb\u4f0f \u30df\u30ea\u30dc\u30eb\u30c8 \ubc00\ub9ac\ubcfc\ud2b8",
-        "volt": "\u4f0f \u4f0f\u7279 \u30dc\u30eb\u30c8 \ubcfc\ud2b8",
-        "frame": "\u5e27 \u30d5\u30ec\u30fc\u30e0",
-    }.items()
-    for word in alike.split()
-}
+_TRANSLATED = {word: f" {english} " for english, alike in translated().items() for word in alike}
 OTHER_SCRIPT = re.compile("|".join(sorted(_TRANSLATED, key=len, reverse=True)))
 _CYRILLIC = {
     "\u043c\u043a\u0412": "uV", "\u043c\u0412": "mV", "\u0412": "V", "\u043c\u043a\u0441": "us", "\u043c\u0441": "ms",

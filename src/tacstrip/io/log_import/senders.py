@@ -14,17 +14,13 @@ from tacstrip.io.log_import.names import (
 )
 from tacstrip.io.log_import.questions import ROLES, Clues
 from tacstrip.io.log_import.table import CLOCK, PART, ROW
+from tacstrip.io.log_import.words import names_of
 
 _ALONE = 0.9  # of the readings of one end: so many have the other beside them
-_SENSORS = frozenset(
-    {"pad", "hand", "finger", "board", "device", "skin", "patch", "module", "gripper", "arm", "side"}
-)
+_SENSORS = frozenset(names_of("sensors"))
 # What names the sender of a line or message, or its kind.
-_SOURCES = frozenset(
-    {"topic", "source", "src", "sender", "node", "frame", "host", "hostname", "addr", "address", "mac", "ip", "port"}
-    | {"origin", "link", "robot", "publisher", "client", "uuid", "serial", "quelle", "knoten", "capteur", "sensor"}
-)  # fmt: skip
-_SIZES = frozenset({"len", "length", "size", "bytes", "count", "crc", "checksum"})  # of a sender's frames
+_SOURCES = frozenset(names_of("senders"))
+_SIZES = frozenset(names_of("sizes"))
 _MOST_SENSORS, _FEW_COUNTED = 12, 2
 
 

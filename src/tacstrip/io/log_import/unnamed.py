@@ -23,14 +23,11 @@ from tacstrip.io.log_import.names import (
 )
 from tacstrip.io.log_import.questions import Clues
 from tacstrip.io.log_import.table import CLOCK, PART, ROW
+from tacstrip.io.log_import.words import names_of
 
 _MOST_ASKED = 6  # columns, of each of which is asked what it is
 # What a column may be that holds something made of readings, or what is measured beside them.
-_DERIVED = frozenset(
-    {"mid", "middle", "center", "centre", "mitte", "width", "breite", "span", "mean", "avg", "average", "sum", "total"}
-    | {"diff", "difference", "delta", "std", "var", "gain", "offset", "force", "pressure", "temp", "temperature"}
-    | {"current", "resistance", "area", "load", "gap", "product", "error"}
-)  # fmt: skip
+_DERIVED = frozenset(names_of("derived"))
 
 
 def readings_by_contents(

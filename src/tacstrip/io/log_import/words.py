@@ -16,6 +16,11 @@ def _table() -> dict[str, dict[str, str]]:
     return tomllib.loads(data_path("log_words.toml").read_text(encoding="utf-8"))
 
 
+def words_of(concept: str) -> list[str]:
+    """Return the words of a concept, in all languages; with stars, as the table has them."""
+    return [word.strip() for said in _table()[concept].values() for word in said.split(",")]
+
+
 def any_of(*concepts: str) -> str:
     """Return an expression of the words of concepts, the longest first, for case to be ignored.
 
@@ -25,7 +30,7 @@ def any_of(*concepts: str) -> str:
     >>> re.findall(any_of("battery"), "Akkustand, Batterie leer", re.IGNORECASE)
     ['Akkustand', 'Batterie']
     """
-    words = {w.strip() for c in concepts for said in _table()[c].values() for w in said.split(",")}
+    words = {word for concept in concepts for word in words_of(concept)}
     return "(?:" + "|".join(map(_as_expression, sorted(words, key=lambda w: (-len(w), w)))) + ")"
 
 
@@ -38,6 +43,11 @@ def names_of(kind: str) -> list[str]:
     (True, False)
     """
     return _table()["names"][kind].split()
+
+
+def translated() -> dict[str, list[str]]:
+    """Return English word -> what other scripts have for it."""
+    return {english: alike.split() for english, alike in _table()["translated"].items()}
 
 
 @cache
