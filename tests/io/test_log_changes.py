@@ -90,7 +90,8 @@ def test_other_notes_ask_nothing(note: str) -> None:
     "note",
     [
         "# moved to the left end", "# Vref = 5.00", "# VREF: 5000 mV", "# finger swapped for pen",
-        "# now pressing strip 3", "# changed the pen for a ball", "# other object: steel ball", "# slid over to strip 2",
+        "# now pressing strip 3", "# changed the pen for a ball", "# other object: steel ball",
+        "# slid over to strip 2",
         "# now touching the sensor with two fingers", "# new press on the pad", "# moved 5 mm to the right",
         "# jetzt fester gedr\u00fcckt", "# zum linken Rand verschoben", "# maintenant plus fort", "# objet chang\u00e9",
         "# ahora m\u00e1s fuerte", "# agora com a caneta", "# adesso con la penna", "# nu harder gedrukt",

@@ -18,7 +18,7 @@ def _table() -> dict[str, dict[str, str]]:
 
 def words_of(concept: str) -> list[str]:
     """Return the words of a concept, in all languages; with stars, as the table has them."""
-    return [word.strip() for said in _table()[concept].values() for word in said.split(",")]
+    return [" ".join(word.split()) for said in _table()[concept].values() for word in said.split(",")]
 
 
 def any_of(*concepts: str) -> str:
