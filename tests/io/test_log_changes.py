@@ -85,6 +85,68 @@ def test_other_notes_ask_nothing(note: str) -> None:
     _assert_scans(_read(_with_note(note)), [*range(_SCANS)])
 
 
+@pytest.mark.parametrize("long", [True, False])
+@pytest.mark.parametrize(
+    "note",
+    [
+        "# moved to the left end", "# Vref = 5.00", "# VREF: 5000 mV", "# finger swapped for pen",
+        "# now pressing strip 3", "# changed the pen for a ball", "# other object: steel ball",
+        "# slid over to strip 2",
+        "# now touching the sensor with two fingers", "# new press on the pad", "# moved 5 mm to the right",
+        "# jetzt fester gedr\u00fcckt", "# zum linken Rand verschoben", "# maintenant plus fort", "# objet chang\u00e9",
+        "# ahora m\u00e1s fuerte", "# agora com a caneta", "# adesso con la penna", "# nu harder gedrukt",
+    ],
+)  # fmt: skip
+def test_a_note_of_what_touches_or_of_the_specs_vref_is_told_and_no_more(note: str, long: bool) -> None:
+    found = _read(_with_note(note, long=long))
+    _assert_scans(found, [*range(_SCANS)])
+    assert not found.doubts
+    assert "1 note(s) among the readings: none changes how they are read" in found.reasons
+
+
+@pytest.mark.parametrize("long", [True, False])
+@pytest.mark.parametrize(
+    "note",
+    [
+        "# moved to the left pad", "# Vref = 3.30", "# swapped the ends", "# now left hand",
+        "# left and right swapped", "# now pressing with gain 2", "# pressed, now in mV", "# unit: mV",
+        "# strips reversed from here", "# sensor replaced, same pen", "# pressing harder, other board",
+        "# neuer Sensor, gleicher Stift", "# now touching the other sensor",
+        "# scale changed, same object", "# moved to the left hand",
+    ],
+)  # fmt: skip
+def test_a_note_of_the_sensor_beside_one_of_what_touches_is_asked(note: str, long: bool) -> None:
+    with pytest.raises(Unanswered) as asked:
+        _read(_with_note(note, long=long))
+    assert "part" in {q.key for q in asked.value.questions}
+
+
+@pytest.mark.parametrize(
+    "note",
+    [
+        "# from here on half",
+        "# moved the plug to the left end",
+        "# nuovo cavo",
+        "# po nacisku inny wzmacniacz",
+    ],
+)
+def test_a_note_with_a_word_that_is_not_known_stays_a_doubt(note: str) -> None:
+    assert any("taken as notes" in doubt for doubt in _read(_with_note(note)).doubts)
+
+
+def test_a_unit_that_the_names_say_is_no_change_and_another_is() -> None:
+    named = _with_note("# values in V", long=True).replace("v_h,v_l", "v_h [V],v_l [V]")
+    _assert_scans(_read(named), [*range(_SCANS)])
+    with pytest.raises(Unanswered):
+        _read(named.replace("values in V", "values in mV"))
+
+
+def test_a_long_line_of_marks_is_read_once() -> None:
+    """Not in the square of its length: 20,000 marks would take a minute so."""
+    for mark in "#/;!":
+        _assert_scans(_read(_with_note(mark * 20_000)), [*range(_SCANS)])
+
+
 def _messages(key: str, names: list[str], force: bool = False) -> str:
     made = []
     for scan in range(_SCANS):

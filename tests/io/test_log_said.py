@@ -56,6 +56,7 @@ def test_volts_of_another_supply_are_asked(said: str) -> None:
     [
         "# Vref = 5,00 V, USB 4,9 V", "# Akku 3,7 V", "# Bereich 10 V", "# threshold 4.2 V", "# 5 V, 21 C",
         "# +/- 0,5 mV", "# 0-10 V input", "# strip 4 V", "# resolution 4.88 mV",
+        "# v_h up to 4.5 V", "# readings reach 4.5 V", "# bis zu 4,5 V", "# V_H = 4.5 V at full press",
     ],
 )  # fmt: skip
 def test_other_volts_are_no_question(said: str) -> None:
@@ -154,3 +155,26 @@ def test_comments_that_come_again_after_a_restart_ask_nothing() -> None:
     ]
     text = head + "t,strip,v_h,v_l\n" + "".join(rows[:16]) + head + "".join(rows[16:])
     assert len(propose(of_text(text), PAD).scans) == 8
+
+
+def _swinging(period: float, turns: bool = False) -> str:
+    """Return a log of one object that swings with so many scans a period, or of sensors in turn, each with a drift."""
+    rng = np.random.default_rng(3)
+    lines = ["t,strip,high,low"]
+    for n in range(40):
+        places = (0.0, 0.5, -0.3, 0.4)[n % round(period)] + 0.002 * n
+        at = places if turns else 0.5 * np.sin(2.0 * np.pi * n / period + 0.4)
+        for s in range(3):
+            high, low = (v + 0.1 * s + at + rng.normal(0.0, 0.003) for v in (3.0, 2.0))
+            lines.append(f"{0.02 * n:.2f},{s},{high:.3f},{low:.3f}")
+    return "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize("period", [2.05, 2.1, 3.05, 3.1, 3.9, 4.0, 4.1])
+def test_an_object_that_swings_is_no_sensors_in_turn(period: float) -> None:
+    assert len(read(_swinging(period)).scans) == 40
+
+
+@pytest.mark.parametrize("many", [2, 3, 4])
+def test_sensors_in_turn_that_drift_are_asked_beside_swings(many: int) -> None:
+    assert "turn" in asked(_swinging(many, turns=True))

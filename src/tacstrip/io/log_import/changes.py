@@ -1,65 +1,73 @@
-"""Lines between the readings which say that from there on these mean something else: another unit, scale or sketch."""
+"""Notes among the readings, in whichever language: one that may change how these are read is asked; others are told."""
 
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 
-from tacstrip.io.log_import.notes import names_a_unit, notes_among
+import numpy as np
+
+from tacstrip.io.log_import.names import UNITS, meanings
 from tacstrip.io.log_import.questions import Clues
+from tacstrip.io.log_import.scans import LogScan
 from tacstrip.io.log_import.strays import numbered
+from tacstrip.io.log_import.supply import names_a_supply, stated_vref
 from tacstrip.io.log_import.table import PART, Table
+from tacstrip.io.log_import.words import all_are, any_of, finder
 
-# That something changes, or holds from there on.
-_CHANGED = re.compile(
-    r"\b(?:chang(?:ed|ing|es? (?:to|of))|switch(?:ed|ing)?|swapp?(?:ed|ing)?|exchanged?|interchanged?"
-    r"|replac(?:ed|ing)|re-?(?:flashed"
-    r"|wired|calibrated|scaled|ordered|numbered|plugged|soldered|routed|programmed|configured)"
-    r"|rotated|reversed|inverted"
-    r"|flipped|updated|upgraded|new|from (?:here|now|this)|as of (?:here|now)|now|instead|other"
-    r"|another|different|moved to"
-    r"|ab (?:hier|jetzt|nun|zeile)|von hier|jetzt|nun|ge\u00e4ndert|umge(?:stellt|steckt|baut"
-    r"|l\u00f6tet)|(?:ver)?ge?tauscht"
-    r"|vertauscht|neue[rs]?|andere[rs]?|statt|d\u00e9sormais|maintenant|\u00e0 partir|chang\u00e9e?s?"
-    r"|\u00e9chang\u00e9e?s?"
-    r"|nouvel(?:le)?|nouveau|autre|ahora|a partir|desde aqu\u00ed|cambi\w+|nuev[oa]|otr[oa]"
-    r"|intercambi\w+|agora|mud\w+"
-    r"|troc\w+|nov[oa]|outr[oa]|adesso|da qui|d'ora|scambi\w+|invertit\w+|nuov[oa]|altr[oa]|vanaf hier|nu|verwisseld"
-    r"|gewijzigd|veranderd|andere|nieuwe|teraz|odt\u0105d|zmien\w+|zamien\w+)\b",
-    re.IGNORECASE,
-)
-# Of what the readings' meaning hangs on.
-_SUBJECT = re.compile(
-    r"\b(?:units?|einheit(?:en)?|unit\u00e9s?|unidad(?:es)?|unit\u00e0|eenheid|volts?|(?:milli"
-    r"|micro)volts?|m?v|counts?|codes?"
-    r"|raw|lsb|adc|bits?|ratios?|fractions?|percent|prozent|permille|v_?ref|aref|vcc|supply"
-    r"|versorgung|reference|referenz"
-    r"|gains?|verst\u00e4rkung|verstaerkung|ganancia|ganho|guadagno|amplif\w+|scal(?:e[sd]?|ing)"
-    r"|skalierung|\u00e9chelle|escala"
-    r"|scala|factor|faktor|facteur|fator|fattore|dividers?|teiler|diviseur|divis\w+r|partitore"
-    r"|resistors?|widerst\u00e4nde?"
-    r"|range|bereich|resolution|aufl\u00f6sung|sketch|firmware|script|skript|program(?:m[ea]?)?"
-    r"|calibration|kalibrierung"
-    r"|mux|multiplexer|connectors?|stecker|conecto\w+|connett\w+|connecteurs?|plugs?|cables?|kabel"
-    r"|c\u00e2bles?|cavi|cavo"
-    r"|wires?|wiring|leitung(?:en)?|adern?|fils|hilos?|pins?|channels?|kan[\u00e4a]le?|canal\w*"
-    r"|columns?|spalten?|colonn\w+"
-    r"|column\w+|coluna\w*|order|reihenfolge|ordre|orden|ordem|ordine|ends?|enden|strips?|streifen"
-    r"|bandes?|tiras?|fitas?"
-    r"|strisc\w+|sensors?|sensor\w*|capteurs?|pads?|boards?|platine|hand|finger|left|right|links"
-    r"|rechts|clock|baud|rate"
-    r"|millis|micros|seconds|sekunden)\b",
-    re.IGNORECASE,
-)
+_MARK = re.compile(r"\s*+(?:[#%!;]|//)++\s*+")  # possessive: a line of a thousand such marks is read once
+_LETTERS = re.compile(r"[^\W\d_]{2}")
+_WORDS = re.compile(r"[^\W\d_]{2,}")
 _CODE = re.compile(r"[{}\"]|\w=\S")  # no words of a person, as in {"unit": "V"}
-_FEW_WORDS = 3
+_FORMAL = re.compile(r"[{}<>\"]")  # of the log's form, such as XML; but for what is drawn before it
+_DRAWN = re.compile(r"\A[\s>*~=+.-]+(?=[^\W\d_])")
+# A unit's sign that is not behind a number, so that nothing was measured in it.
+_UNIT = re.compile(
+    r"(?<![\w.,])(?<!\d\s)(?:[mu\u00b5]?V|V_?ref|V_?cc|V_?dd|AREF|ADC|LSB|%|\u2030)(?!\w)", re.IGNORECASE
+)
+_RESOLUTION = re.compile(r"\d\s?-?_?bits?\b|analogReadResolution", re.IGNORECASE)  # of which others ask
+# A change of what touches, or of where: "now pressing", "swapped for pen", "moved to the left end".
+_GAP = rf"(?:\s+{any_of('filler')})*\s+"
+_OF_CONTACT = re.compile(
+    rf"{any_of('change')}{_GAP}(?:{any_of('which')}\s+)?{any_of('contact')}"
+    rf"|{any_of('contact')}{_GAP}{any_of('change')}(?=\s*(?:[,;.!]|\Z))"
+    rf"|{any_of('motion')}(?:{_GAP}|\s+)(?:(?:{any_of('which')}\s+)*(?:{any_of('place')}|strip\s+\d+)"
+    rf"|{any_of('which')}(?=\s*(?:[,;.!]|\Z)))",
+    re.IGNORECASE,
+)
+_FEW_WORDS = 3  # of fewer, no change is told
 _OFTEN = 0.1  # of the lines: what stands on more is of the log's form
+_FEW = 5  # notes that are not understood: of more, they are of the log's form
 _LONGEST = 100  # characters of a line that are quoted
+_READ = 1000  # characters of a line that are read as words
+_JUMP = 1.3  # times: readings that jump less may move so
+_OTHERS = 2.0  # times the largest other step
+_ALIKE = 0.2  # of the step: so much may it differ from reading to reading
 
 
-def changes_said(text: str, lines: Sequence[int]) -> tuple[tuple[int, str], ...]:
+def in_parts(table: Table, text: str) -> Table:
+    """Return a table with a column of the part of the log that a line is of, where lines between tell of a change.
+
+    Else with its other notes.
+    """
+    if PART in table.names or not table.lines:
+        return table
+    changes = changes_said(text, table.lines, _units(table.names))
+    return table.in_parts(changes) if changes else replace(table, notes=notes_among(text, table.lines))
+
+
+def _units(names: Sequence[str]) -> frozenset[str]:
+    return frozenset(m.unit for m in meanings(names).values() if m.role == "reading" and m.unit)
+
+
+def changes_said(
+    text: str, lines: Sequence[int], units: frozenset[str] = frozenset()
+) -> tuple[tuple[int, str], ...]:
     r"""Return the lines among those of a table, with what they say, which tell of a change of what readings mean.
+
+    Not what the lines above the table say as well, nor the unit that the names of its columns say.
 
     Examples
     --------
@@ -68,43 +76,200 @@ def changes_said(text: str, lines: Sequence[int]) -> tuple[tuple[int, str], ...]
     >>> changes_said("0,1.5,1\nchanged the object: steel now\n1,2.4,2.1", [1, 3])
     ()
     """
-    if not lines:
-        return ()
-    first, last = min(lines), max(lines)
-    inner = [(n, line.strip()) for n, line in numbered(text) if first < n <= last and line.strip()]
-    above = {line.strip() for n, line in numbered(text) if n < first}  # what comes again changes nothing
+    inner, above = _inner(text, lines)
     found = [
-        (n, line) for n, line in inner if line not in above and (tells_of_change(line) or names_a_unit(line))
-    ]
+        (n, line) for n, line in inner if _plain(line) not in above
+        and (tells_of_change(line) or (names_a_unit(line) and not (units and _units_said(line) == units)))
+    ]  # fmt: skip
     return tuple(found) if len(found) <= max(1.0, _OFTEN * len(inner)) else ()
 
 
+def notes_among(text: str, lines: Sequence[int]) -> tuple[tuple[int, str], ...]:
+    r"""Return comments between a table's lines, and lines of words, whose words are on no other, and what they say.
+
+    Examples
+    --------
+    >>> notes_among("0,1.5,1\n# palec zeslizgnal sie\n1,2.4,2.1", [1, 3])
+    ((2, '# palec zeslizgnal sie'),)
+    """
+    inner, above = _inner(text, lines)
+    words = Counter(w for _, line in numbered(text) for w in {*_WORDS.findall(line.casefold())})
+    rows = {*lines}
+    there = [
+        (n, line) for n, line in inner
+        if is_comment(line) or (n not in rows and _is_of_words(_DRAWN.sub("", line, count=1), words))
+    ]  # fmt: skip
+    there = [(n, line) for n, line in there if n < max(lines) and not _RESOLUTION.search(line)]
+    forms = Counter(re.sub(r"\d+", "0", line) for _, line in there)
+    return tuple(
+        (n, line) for n, line in there if forms[re.sub(r"\d+", "0", line)] == 1 and _plain(line) not in above
+    )
+
+
+def _inner(text: str, lines: Sequence[int]) -> tuple[list[tuple[int, str]], set[str]]:
+    """Return the lines from a table's first to its last, and those above as `_plain`."""
+    first, last = min(lines, default=0), max(lines, default=0)
+    every = numbered(text)
+    inner = [(n, line.strip()) for n, line in every if first < n <= last and line.strip()]
+    return inner, {_plain(line) for n, line in every if n < first} - {""}
+
+
+def _plain(line: str) -> str:
+    """Return what a line says, however it is marked and its numbers are written."""
+    said = re.sub(r"\d+(?:[.,]\d+)?", lambda m: f"{float(m[0].replace(',', '.')):g}", line[:_READ])
+    return " ".join(said.casefold().lstrip("#%/!; ").split())
+
+
+def is_comment(line: str) -> bool:
+    """Return whether a line begins with the mark of a comment, and a word behind it."""
+    mark = _MARK.match(line)
+    first = line[mark.end() :].split(maxsplit=1)[:1] if mark else []
+    return any(map(_LETTERS.search, first))
+
+
+def _is_of_words(line: str, words: Counter[str]) -> bool:
+    """Return whether a line without a mark of a comment is words, of which the log's other lines hold not one."""
+    found = _WORDS.findall(line.casefold())
+    return bool(found) and not _FORMAL.search(line) and all(words[w] == 1 for w in found)
+
+
 def tells_of_change(line: str) -> bool:
-    """Return whether a line is words which say that readings mean something else from there on."""
-    words = re.findall(r"[^\W\d_]{2,}", line)
-    if len(words) < _FEW_WORDS or (_CODE.search(line) and not line.lstrip().startswith(("#", "%", "/", ";"))):
+    """Return whether a line is words which say that readings mean something else from there on.
+
+    A change of what touches, or of where, is none.
+
+    Examples
+    --------
+    >>> tells_of_change("# now the left pad"), tells_of_change("# swapped the ends"), tells_of_change("# now in volts")
+    (True, True, True)
+    >>> tells_of_change("# moved to the left end"), tells_of_change("# finger swapped for pen")
+    (False, False)
+    >>> tells_of_change("# moved to the left pad"), tells_of_change("# now pressing with gain 2")
+    (True, True)
+    """
+    line = line[:_READ]
+    if len(_WORDS.findall(line)) < _FEW_WORDS or (_CODE.search(line) and not _MARK.match(line)):
         return False
-    said = _CHANGED.search(line)
-    return said is not None and any(m.span() != said.span() for m in _SUBJECT.finditer(line))
+    return _changes(line, "measuring") or _changes(_OF_CONTACT.sub(" ", line), "sensor", "measuring")
 
 
-def in_parts(table: Table, text: str) -> Table:
-    """Return a table with a column of the part of the log that a line is of, where lines between tell of a change."""
-    changes = changes_said(text, table.lines)
-    if PART in table.names:
-        return table
-    return table.in_parts(changes) if changes else replace(table, notes=notes_among(text, table.lines))
+def _changes(line: str, *concepts: str) -> bool:
+    """Return whether a line says that something changes, and beside it a word of such concepts."""
+    said = finder("change").search(line)
+    return said is not None and any(
+        m.start() >= said.end() or m.end() <= said.start() for m in finder(*concepts).finditer(line)
+    )
+
+
+def names_a_unit(line: str) -> bool:
+    """Return whether a comment names a unit of readings behind no number; a Vref with its volts is another matter.
+
+    Examples
+    --------
+    >>> names_a_unit("# odtad jako ulamek Vref"), names_a_unit("# battery 3.3 V"), names_a_unit("# Vref = 5 V")
+    (True, False, False)
+    """
+    named = is_comment(line) and _UNIT.search(line) and not _RESOLUTION.search(line)
+    return bool(named) and stated_vref(line) is None
+
+
+def _units_said(line: str) -> frozenset[str]:
+    """Return the units that a comment names; of one that something changes to, none."""
+    if finder("change").search(line):
+        return frozenset()
+    return frozenset(u for w in _UNIT.findall(line) if (u := UNITS.get(w.casefold(), w)))
+
+
+def is_harmless(line: str, vref: float) -> bool:
+    """Return whether a note changes nothing for sure: each word is known, of contacts and tests; or it says Vref again.
+
+    Examples
+    --------
+    >>> is_harmless("# pressed harder", 5.0), is_harmless("# Vref = 5.00", 5.0), is_harmless("# at the left end", 5.0)
+    (True, True, True)
+    >>> is_harmless("# from here on half", 5.0), is_harmless("# Vref = 3.3", 5.0), is_harmless("# nuovo cavo", 5.0)
+    (False, False, False)
+    """
+    volts = stated_vref(line)
+    if volts is not None:
+        return vref > 0.0 and abs(volts - vref) <= 0.02 * vref
+    rest = _OF_CONTACT.sub(" ", line[:_READ])
+    known = all_are(line[:_READ], "change", "contact", "motion", "place", "which", "filler", "session")
+    return known and not finder("change").search(rest)
 
 
 def ask_which_part(clues: Clues) -> None:
     """Ask which part of a log is meant, where a line in it tells of a change of what readings mean."""
-    if PART not in clues.table.names or PART in clues.answers:
-        return
-    (line, text), fields = clues.table.changes[0], clues.table.column(PART)
+    if PART in clues.table.names and PART not in clues.answers:
+        (line, text), fields = clues.table.changes[0], clues.table.column(PART)
+        _ask_for_part(clues, line, text, "", *dict.fromkeys(fields))
+        clues.stop()
+
+
+def _ask_for_part(clues: Clues, line: int, text: str, more: str, *parts: str) -> None:
     clues.ask(
         PART,
-        f"line {line} says {text[:_LONGEST]!r}: which readings are meant? Those of one part, or of all if they mean "
-        "the same throughout (skip)",
-        *dict.fromkeys(fields), "skip",
+        f"line {line} says {text[:_LONGEST]!r}{more}: which readings are meant? Those of one part, or of all if they "
+        "mean the same throughout (skip)",
+        *(parts or (f"above line {line}", f"below line {line}")), "skip",
     )  # fmt: skip
-    clues.stop()
+
+
+def ask_for_notes(clues: Clues, rough: list[LogScan]) -> None:
+    """Ask which part is meant where all readings jump alike at a note as nowhere else, or one names another supply.
+
+    Of other comments those that are not understood are a doubt, and how many change nothing is told.
+    """
+    notes = clues.table.notes
+    if PART in clues.table.names or {PART, "unit"} & {*clues.answers} or not notes:
+        return
+    vref = clues.sensor.vref_volt if clues.sensor else 0.0
+    if _ask_for_jump(clues, rough, notes):
+        return
+    for line, text in notes:
+        volts = stated_vref(text) if vref else None
+        if names_a_supply(text, vref) or (volts is not None and not is_harmless(text, vref)):
+            _ask_for_part(clues, line, text, ", and Vref may be another one from there on")
+            return
+    comments = [(line, text) for line, text in notes if is_comment(text)]
+    strange = [(line, text) for line, text in comments if not is_harmless(text, vref)]
+    if many := len(comments) - len(strange):
+        clues.because(f"{many} note(s) among the readings: none changes how they are read")
+    if 0 < len(strange) <= _FEW:
+        shown = "; ".join(f"line {line} ({text[:_LONGEST]!r})" for line, text in strange)
+        clues.doubt(
+            f"between the readings, not understood, and taken as notes: {shown}. If one says that unit, "
+            "supply or sensor change there, --answer part"
+        )
+
+
+def _ask_for_jump(clues: Clues, rough: list[LogScan], notes: Sequence[tuple[int, str]]) -> bool:
+    """Ask for the part where all readings jump alike at a note, and say whether they do."""
+    steps = _steps(rough)
+    at = [next((k for k, scan in enumerate(rough) if scan.line > n), len(rough)) for n, _ in notes]
+    noted = {*at} if len(at) <= _FEW else set()  # where each scan has one, these are steps as others
+    sizes = {k: abs(step) for k, (step, _) in steps.items()}
+    for (line, text), k in zip(notes, at, strict=True):
+        step, alike = steps.get(k, (0.0, False))
+        others = max((size for n, size in sizes.items() if n != k and n not in noted), default=0.0)
+        if alike and abs(step) > max(np.log(_JUMP), _OTHERS * others):
+            more = f", and from there on all readings are {np.exp(step):.3g} times those before"
+            _ask_for_part(clues, line, text, more)
+            return True
+    return False
+
+
+def _steps(rough: list[LogScan]) -> dict[int, tuple[float, bool]]:
+    """Return of each scan but the first by how much its readings are above those before, and whether all alike.
+
+    As the logarithm's median over the strips that are touched in both.
+    """
+    found = {}
+    for k in range(1, len(rough)):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.log(rough[k].values / rough[k - 1].values).ravel()
+        ratio = ratio[np.isfinite(ratio)]
+        if len(ratio):
+            step = float(np.median(ratio))
+            found[k] = (step, len(ratio) > 1 and bool(np.median(np.abs(ratio - step)) < _ALIKE * abs(step)))
+    return found

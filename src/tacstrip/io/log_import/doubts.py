@@ -8,12 +8,16 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from tacstrip.arrays import FloatArray
 from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.fields import clock_seconds, number_of
 from tacstrip.io.log_import.mapping import ColumnMapping
-from tacstrip.io.log_import.names import TIME_UNITS, meanings, unknown_unit
+from tacstrip.io.log_import.names import CLOCKS, TIME_UNITS, meanings, unknown_unit
 from tacstrip.io.log_import.questions import Clues
 from tacstrip.io.log_import.scans import field_value, raw_times
+from tacstrip.io.log_import.supply import ask_for_vref
+from tacstrip.io.log_import.table import CLOCK, ROW
+from tacstrip.io.log_import.words import all_are
 
 _APART = 5.0  # times: nothing lies between numbers of two units, or around one that lost its point
 _RATIOS = (30.0, 3000.0)  # of the medians of two such groups
@@ -23,13 +27,6 @@ _FEW = 0.05  # of the readings: more are no slip of single fields
 _NEAR = 0.5  # of the least of the others: what may be as it stands
 _ALIKE = 8  # readings of a column: as many tell how its numbers are written
 _SHOWN = 3
-_SAME = 0.02  # relative: as the spec says it
-_VREF = re.compile(r"\b(?:v_?ref|aref|vcc|vdd)\b[^\d\n]{0,12}?(\d+(?:[.,]\d+)?)\s*(m?)V\b", re.IGNORECASE)
-_VREF_NAME = re.compile(r"v_?ref(?:_?(?:m?v|volts?))?(?:\s*[\[(]m?V[\])])?", re.IGNORECASE)
-_VALIDITY = re.compile(
-    r"(?:is_?)?(?:valid|ok|okay|good|bad|invalid|error|err|fault|flag|quality|saturated|overrange|clipped)",
-    re.IGNORECASE,
-)
 # Of an oscilloscope, which as a rule has done it.
 _ATTENUATED = re.compile(
     r"\battenuat\w+|(?<!\w)(?:[x\u00d7] ?\d+|\d+ ?[x\u00d7]|1:\d+|\d+:1) ?probe|\bprobes?\W{0,3}"
@@ -53,12 +50,12 @@ def raise_doubts(clues: Clues, mapping: ColumnMapping) -> None:
         _of_one_unit(clues, mapping, only_lost=noise)
         _of_known_units(clues, mapping)
     _written_alike(clues, mapping)
-    _vref(clues)
+    ask_for_vref(clues)
     _attenuated(clues)
     _two_clocks(clues, mapping)
     used = {*mapping.columns, mapping.time, mapping.scan, mapping.strip, mapping.which}
     for name in clues.table.names:
-        if name in used or name in clues.answers or not _VALIDITY.fullmatch(name.strip()):
+        if name in used or name in clues.answers or not all_are(name.replace("_", " "), "validity"):
             continue
         fields = clues.table.column(name)
         if len(set(fields)) > 1:
@@ -179,6 +176,7 @@ def _two_clocks(clues: Clues, mapping: ColumnMapping) -> None:
     span = (own[-1] - own[0]) * unit
     steps = np.diff(own)
     step = float(np.median(steps[steps > 0.0])) * unit if (steps > 0.0).any() else 0.0
+    _own_times(clues, mapping, own, span)
     for name, said in meanings(clues.table.names).items():
         if said.role != "time" or name == mapping.time or name in clues.answers:
             continue
@@ -195,6 +193,25 @@ def _two_clocks(clues: Clues, mapping: ColumnMapping) -> None:
             clues.doubt(
                 f"{mapping.time!r} rises by {span:g} s over the log, and {name!r} by {other:g} s: {mapping.time!r} is "
                 f"taken; else --answer {name!r}=time"
+            )
+
+
+def _own_times(clues: Clues, mapping: ColumnMapping, own: FloatArray, span: float) -> None:
+    """Doubt a column of no known meaning that rises with the time, row by row as much, but lies apart from it."""
+    steps = np.diff(own)
+    taken = {*mapping.columns, mapping.time, mapping.scan, mapping.strip, mapping.which, CLOCK, ROW}
+    for name in clues.table.names:
+        if name in taken or name in clues.answers or mapping.time_unit in CLOCKS or not (steps > 0.0).any():
+            continue
+        other = np.array([np.nan if v is None else v for v in clues.values(name)])
+        apart = np.abs(other - own) * TIME_UNITS.get(mapping.time_unit, 1.0)
+        counts = {*steps.tolist()} <= {0.0, 1.0}  # as may any index
+        step = float(np.median(steps[steps > 0.0]))
+        alike = np.allclose(np.diff(other), steps, rtol=0.0, atol=_DRIFT * step)
+        if alike and not counts and 0.5 * step * TIME_UNITS.get(mapping.time_unit, 1.0) < apart.max() < span:
+            clues.doubt(
+                f"{name!r} rises as {mapping.time!r} does, {apart.max():g} s apart: if it is the time of some of the "
+                f"readings, these are not of one scan; all are taken at {mapping.time!r}"
             )
 
 
@@ -221,27 +238,3 @@ def _of_known_units(clues: Clues, mapping: ColumnMapping) -> None:
             f"column {strange[0]!r}: {said[strange[0]]!r} is no unit of readings that is known; save them in "
             "V, mV, codes or over Vref, or say --answer unit=V (mV, code, ...) if the numbers are in that"
         )
-
-
-def _vref(clues: Clues) -> None:
-    """Ask which Vref holds where a log says another one than the spec."""
-    if clues.sensor is None or "vref_volt" in clues.answers:
-        return
-    told = {
-        float(d.replace(",", ".")) * (1e-3 if m else 1.0): ""
-        for d, m in _VREF.findall("\n".join(clues.table.preamble))
-    }
-    for name in clues.table.names:
-        if _VREF_NAME.fullmatch(name.strip()):
-            milli = 1e-3 if re.search(r"mv", name, re.IGNORECASE) else 1.0
-            for line, text in zip(clues.table.lines, clues.table.column(name), strict=True):
-                value = number_of(text, clues.table.decimal)
-                told |= {milli * value: f"line {line}: "} if value and milli * value not in told else {}
-    vref = clues.sensor.vref_volt
-    for volts, place in told.items():
-        if abs(volts - vref) > _SAME * vref:
-            clues.ask(
-                "vref_volt",
-                f"{place}the log says Vref = {volts:g} V, and the spec vref_volt = {vref:g}: with which was it made?",
-                f"{volts:g}", f"{vref:g}",
-            )  # fmt: skip

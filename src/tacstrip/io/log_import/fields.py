@@ -9,17 +9,11 @@ from datetime import date
 from functools import lru_cache
 from typing import Any
 
-from tacstrip.io.log_import.names import UNITS
+from tacstrip.io.log_import.names import UNITS, with_latin_units
+from tacstrip.io.log_import.words import words_of
 
 # What stands for an untouched strip in anybody's log.
-NOTHING = frozenset(
-    {"", "nan", "na", "n/a", "n.a.", "#n/a", "<na>", "nat", "-", "--", "---", "null", "none", "nil", "open"}
-    | {"untouched", ".", "x", "off", "idle", "free", "frei", "s/d", "s.d.", "k.a.", "n.d."}
-    | {"released", "not touched", "no touch", "unber\u00fchrt", "kein kontakt", "ohne kontakt", "nicht ber\u00fchrt"}
-    | {"sans contact", "pas de contact", "non touch\u00e9", "ouvert", "libre", "sin contacto", "abierto", "sem contato"}
-    | {"aberto", "livre", "senza contatto", "aperto", "libero", "geen contact", "no signal", "vac\u00edo", "vazio"}
-    | {"-nan", "nc", "n.c.", "n.v.", "no contact", "[]", "{}", "offen", "leer", "vide", "\u2013", "\u2014"}
-)  # fmt: skip
+NOTHING = frozenset({"", *words_of("nothing")})
 _NO_NUMBER = re.compile(r"(?:-?nan|n/?a|-[-.]*|\.nan)\s?(?:m?V|ms|s|%|LSB)?", re.IGNORECASE)
 _PLAIN = re.compile(r"[+-]?\d+(?:\.\d+)?\Z")
 _NUMBER = re.compile(r"([+-]?)\s*(0x[\da-f]+|[\d.,' ]*\d[.,]?)(e[+-]?\d+)?\s*([a-zµ%‰]*)\Z", re.IGNORECASE)
@@ -112,6 +106,7 @@ def quantity(text: str, decimal: str = ".") -> tuple[float, str] | None:
         .replace("\u2212", "-")
         .replace("\u03bc", "\u00b5")
     )
+    text = text if text.isascii() else with_latin_units(text)
     found = _NUMBER.match(text) if text.isascii() or "µ" in text or "‰" in text else None
     if not found:
         return None

@@ -13,21 +13,22 @@ from typing import TypeVar
 import numpy as np
 
 from tacstrip.errors import OptionError, ReadingError
-from tacstrip.io.log_import import conversion, quantities
+from tacstrip.io.log_import import conversion, no_contact, time_unit, units
 from tacstrip.io.log_import.broken import settle_broken
-from tacstrip.io.log_import.columns import Columns, above, find_columns
+from tacstrip.io.log_import.changes import ask_for_notes
+from tacstrip.io.log_import.columns import Columns, find_columns
 from tacstrip.io.log_import.doubts import raise_doubts
-from tacstrip.io.log_import.fields import is_garbled
+from tacstrip.io.log_import.ends import above
+from tacstrip.io.log_import.fields import STAMP, is_garbled
 from tacstrip.io.log_import.mapping import ColumnMapping
-from tacstrip.io.log_import.names import IN_VOLTS, meaning, meanings
-from tacstrip.io.log_import.notes import ask_for_notes
+from tacstrip.io.log_import.names import CLOCKS, IN_VOLTS, meaning, meanings
 from tacstrip.io.log_import.others import drop_others
 from tacstrip.io.log_import.questions import KEYS, Clues, Question, Unanswered
-from tacstrip.io.log_import.scans import LogScan, scans, strip_numbers
+from tacstrip.io.log_import.scans import LogScan, is_newest_first, scans, strip_numbers
 from tacstrip.io.log_import.statements import base_said
+from tacstrip.io.log_import.supply import ask_for_supply
 from tacstrip.io.log_import.table import PART, Table
 from tacstrip.io.log_import.turns import with_turn
-from tacstrip.io.log_import.volts_said import ask_for_supply
 from tacstrip.io.log_import.write import at_rest
 from tacstrip.sensor.spec import Sensor
 
@@ -234,11 +235,11 @@ def _assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
     _drop_repeated(clues, found)
     drop_others(clues, found)
     mapping, rough = _rough(clues, found)
-    mapping = quantities.settled_time(clues, mapping, rough)
+    mapping = time_unit.settled_time(clues, mapping, rough)
     mapping = replace(
         mapping, scale=conversion.factor(clues) * conversion.of_lengths(clues, [*mapping.columns])
     )
-    mapping = replace(mapping, untouched=(*mapping.untouched, *quantities.numbers_for_nothing(clues, rough)))
+    mapping = replace(mapping, untouched=(*mapping.untouched, *no_contact.numbers_for_nothing(clues, rough)))
     loose = replace(mapping, time_unit=mapping.time_unit or "s", restart="continue", missing="untouched")
     rough = scans(clues.table, loose)
     settle_broken(clues, loose, rough)
@@ -246,7 +247,7 @@ def _assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
     ask_for_notes(clues, rough)
     mapping = _with_ends(clues, mapping, found, rough)
     raise_doubts(clues, mapping)
-    mapping = quantities.with_unit(clues, mapping, found, rough)
+    mapping = units.with_unit(clues, mapping, found, rough)
     if mapping.unit in IN_VOLTS:
         ask_for_supply(clues)
     return mapping, rough
@@ -276,13 +277,16 @@ def _rough(clues: Clues, found: Columns) -> tuple[ColumnMapping, list[LogScan]]:
     mapping = ColumnMapping(
         columns=found.readings, unit="V", strips=count, strip_base=base, scan=found.scan, strip=found.strip,
         which=found.which, which_h=which_h, time=found.time, strip_step=found.strip_step,
-        broken_lines=_broken(clues), untouched=quantities.words_for_nothing(clues, found), missing="untouched",
+        broken_lines=_broken(clues), untouched=no_contact.words_for_nothing(clues, found), missing="untouched",
         only=clues.only,
     )  # fmt: skip
-    mapping = quantities.with_zero(clues, mapping)
+    mapping = units.with_zero(clues, mapping)
     clues.choice("missing", ("untouched", "error"))
-    mapping = quantities.with_time(clues, mapping, found)
+    mapping = time_unit.with_time(clues, mapping, found)
     loose = replace(mapping, time_unit=mapping.time_unit or "s", restart="continue")
+    if is_newest_first(clues.table, loose):
+        told = f"{mapping.time} falls: the newest stands first, and scans are put in the order of time"
+        (clues.because if mapping.time_unit in CLOCKS else clues.doubt)(told)
     plain = replace(loose, restart="error")
     try:
         rough = scans(clues.table, plain)
@@ -298,7 +302,7 @@ def _rough(clues: Clues, found: Columns) -> tuple[ColumnMapping, list[LogScan]]:
                 "continue", "first", "last",
             )  # fmt: skip
         mapping = replace(mapping, restart=clues.answers.get("restart", "continue"))
-    quantities.settle_words(clues, mapping, rough)
+    no_contact.settle_words(clues, mapping, rough)
     mapping = replace(mapping, missing=_missing(clues, loose, rough))
     return mapping, rough
 
@@ -458,8 +462,18 @@ def _broken(clues: Clues) -> str:
         )
     if clues.choice("broken_lines", ("skip", "error")):
         return clues.answers["broken_lines"]
+    if all(n > max(clues.table.lines) and _is_footer(clues.table.quotes.get(n, "")) for n in broken):
+        return "skip"  # with a warning
     clues.ask("broken_lines", f"line(s) {shown} are not like the others: leave them out?", "skip")
     return "skip"
+
+
+def _is_footer(text: str) -> bool:
+    """Return whether a line below the readings is words and perhaps a time, and nothing of a strip or a reading."""
+    rest = re.sub(STAMP, "", text)
+    words = [w for w in re.findall(r"[^\W\d_]+", rest) if len(w) > 1]
+    known = {meaning(w).role for w in words}
+    return len(words) > 1 and not re.search(r"\d", rest) and not known & {"strip", "reading", "which"}
 
 
 def _missing(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> str:

@@ -10,88 +10,43 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
+from tacstrip.io.log_import.words import names_of, translated
 
-def _words(text: str) -> frozenset[str]:
-    return frozenset(text.split())
+
+def _words(kind: str) -> frozenset[str]:
+    return frozenset(names_of(kind))
 
 
 _QUANTITY = ("", "v", "u", "k", "code", "adc", "raw", "val", "volt", "s", "sig")
-_HIGH = _words("high hoch haut haute alto alta hoog wysoki wysokie y\u00fcksek yuksek") | {
-    q + e for q in _QUANTITY for e in ("h", "hi", "high")
-}
-_LOW = _words("low tief niedrig bas basse bassa basso bajo baja baixo baixa laag niski niskie dusuk") | {
-    q + e for q in _QUANTITY for e in ("l", "lo", "low")
-}
-_OUT = _words("out vout uout codeout")
+_HIGH = _words("high") | {q + e for q in _QUANTITY for e in ("h", "hi", "high")}
+_LOW = _words("low") | {q + e for q in _QUANTITY for e in ("l", "lo", "low")}
+_OUT = _words("output")
 # Pairs of channels whose names do not say which end they are of; the readings do (k_h >= k_l).
-_PAIRS = (
-    ("a", "b"), ("top", "bottom"), ("upper", "lower"), ("oben", "unten"), ("left", "right"), ("end", "start"),
-    ("first", "second"), ("x", "y"), ("p", "q"), ("e1", "e2"), ("up", "down"), ("far", "near"), ("links", "rechts"),
-    ("o", "u"), ("plus", "minus"), ("sup", "inf"), ("superior", "inferior"), ("superieur", "inferieur"),
-    ("superieure", "inferieure"), ("superiore", "inferiore"), ("arriba", "abajo"), ("sopra", "sotto"),
-    ("obere", "untere"), ("oberes", "unteres"), ("boven", "onder"), ("gora", "dol"), ("horni", "dolni"),
-    ("gauche", "droite"), ("izquierda", "derecha"), ("sinistra", "destra"), ("esquerda", "direita"),
-    ("anfang", "ende"), ("debut", "fin"), ("inicio", "fin"), ("inicio", "fim"), ("top", "bot"),
-)  # fmt: skip
+_PAIRS = tuple((a, b) for a, _, b in (pair.partition("/") for pair in names_of("pairs")))
 _ONE_OF_PAIR = frozenset(name for pair in _PAIRS for name in pair)
-_VOLTS = _words("v u voltage volt volts spannung tension tensione tensiune vout uout voltaje") | {
-    q + e for q in "vu" for e in ("h", "hi", "high", "l", "lo", "low")
-}
-_VALUE = _VOLTS | _words(
-    "value val reading readings wert messwert signal output level ain ai an analog in k data kanal ratio adc raw code "
-    "codes count counts valeur valore valor lesung read measured meas y amplitude waarde wartosc tensao spanning "
-    "napiecie lecture lectura leitura lettura mesure medida meting pomiar misura signal senal sinal segnale"
-)
-_STRIP = _words(
-    "strip strips stripe streifen ch channel kanal sensor taxel line element row track bande band electrode s "
-    "col column pin tira striscia fascia stripid stripno sid lane zone chan strap elektrode canal canale fita faixa "
-    "banda strook pasek pasmo remsa listra pista kanaal serit bana kanava banden ruban strisce tiras fitas"
-)
-_INPUTS = _words(
-    "channel kanal canal canale kanaal sensor element line column electrode elektrode chan zone lane track"
-)
+_VOLTS = _words("voltage") | {q + e for q in "vu" for e in ("h", "hi", "high", "l", "lo", "low")}
+_VALUE = _VOLTS | _words("value")
+_STRIP = _words("strip")
+_INPUTS = _words("inputs")
 _ABBREVIATED = 3  # letters of a word that may be anything in prose
-_TIME = _words(
-    "t time times zeit zeitstempel tempo heure hora ora timestamp millis micros elapsed seconds sec secs uhrzeit "
-    "datetime date datum temps tiempo clock stamp ts timems timeus ms us msec msecs usec usecs nsecs tick tijd tid "
-    "czas unix epoch utc cas zaman instante horodatage zeitpunkt messzeit laufzeit moment aika tijdstip tiempos"
-)
-_SCAN = _words(
-    "scan frame sample samples n nr no index idx i messung cycle seq sequence scanno messnr count sweep id frameno "
-    "scanid unnamed mesure muestra probe run record packet loop iteration step round pass amostra varredura campione "
-    "scansione barrido balayage trame durchlauf pomiar meting"
-)
-_WHICH = _words(
-    "signature kind end type which side seite level measurement meas signal phase channel ch output mux sel "
-    "select layer bank sens richtung sentido verso"
-)
-_BESIDE = _words(
-    "no nr number nummer num id idx index nummero numero"
-)  # beside another word, they say nothing more
-_FILLER = _words(
-    "field header msg message stamp the of der des in at rosbag and side end edge seite ende lado lato cote extremo "
-    "extremite electrode contact signal mean avg average mittel mittelwert moyenne media"
-)
+_TIME = _words("time")
+_SCAN = _words("scan")
+_WHICH = _words("channel")
+_BESIDE = _words("number")  # beside another word, they say nothing more
+_FILLER = _words("beside_a_reading")
 # Of what is said beside a mean, and is none.
-_SPREAD = _words("plusminus std stdev stddev sd sem sigma err error unc uncertainty stabw")
+_SPREAD = _words("spread")
 # Of other scripts, the words that logs have.
-_TRANSLATED = {
-    word: f" {english} "
-    for english, alike in {
-        "time": "\u65f6\u95f4 \u6642\u9593 \u6642\u523b \uc2dc\uac04 \u0432\u0440\u0435\u043c\u044f",
-        "ms": "\u6beb\u79d2 \u30df\u30ea\u79d2",
-        "s": "\u79d2",
-        "channel": "\u901a\u9053 \u30c1\u30e3\u30f3\u30cd\u30eb \ucc44\ub110 \u043a\u0430\u043d\u0430\u043b",
-        "strip": "\u6761 \u689d \u6761\u5e26 \u30b9\u30c8\u30ea\u30c3\u30d7 \u043f\u043e\u043b\u043e\u0441\u0430",
-        "high": "\u9ad8 \u9ad8\u7aef \u4e0a \u4e0a\u7aef \u0432\u0435\u0440\u0445",
-        "low": "\u4f4e \u4f4e\u7aef \u4e0b \u4e0b\u7aef \u043d\u0438\u0437",
-        "voltage": "\u7535\u538b \u96fb\u5727 \u043d\u0430\u043f\u0440\u044f\u0436\u0435\u043d\u0438\u0435",
-        "number": "\u53f7 \u7f16\u53f7 \u756a\u53f7",
-        "frame": "\u5e27 \u30d5\u30ec\u30fc\u30e0",
-    }.items()
-    for word in alike.split()
-}
+_TRANSLATED = {word: f" {english} " for english, alike in translated().items() for word in alike}
 OTHER_SCRIPT = re.compile("|".join(sorted(_TRANSLATED, key=len, reverse=True)))
+_CYRILLIC = {
+    "\u043c\u043a\u0412": "uV", "\u043c\u0412": "mV", "\u0412": "V", "\u043c\u043a\u0441": "us", "\u043c\u0441": "ms",
+    "\u0441": "s", "\u043c\u0438\u043d": "min",
+}  # fmt: skip
+# In brackets, or behind a number, a comma or a slash: elsewhere two of them are words.
+_CYRILLIC_UNIT = re.compile(
+    rf"([\[(,/\d]\s*)({'|'.join(sorted(_CYRILLIC, key=len, reverse=True))})(?=\s*(?:[\])]|\Z))"
+)
 _UNCOMBINED = str.maketrans(
     "\u0142\u0141\u00f8\u00d8\u0111\u0131", "lLoOdi"
 )  # letters that are none with a mark
@@ -430,6 +385,17 @@ def unknown_unit(name: str) -> str:
     return last[1] if last else factor.group() if factor else ""
 
 
+def with_latin_units(text: str) -> str:
+    """Return a text with units of Cyrillic letters as others write them.
+
+    Examples
+    --------
+    >>> with_latin_units("U, \u043c\u0412"), with_latin_units("t [\u0441]"), with_latin_units("1497 \u043c\u0412")
+    ('U, mV', 't [s]', '1497 mV')
+    """
+    return _CYRILLIC_UNIT.sub(lambda m: m[1] + _CYRILLIC[m[2]], text)
+
+
 def is_called_k(name: str) -> bool:
     """Return whether the letter k is all that makes a column one of fractions, as in "k0" or "k_h 3".
 
@@ -456,7 +422,8 @@ def _singular(word: str) -> str:
 @lru_cache(maxsize=2**16)
 def _tokens(name: str) -> tuple[list[str], str]:
     """Return a name's words and numbers in lower case, and the unit in brackets, after a slash, or last."""
-    name = OTHER_SCRIPT.sub(lambda m: _TRANSLATED[m[0]], _PLACE.sub("", name)).translate(_UNCOMBINED)
+    name = with_latin_units(_PLACE.sub("", name))
+    name = OTHER_SCRIPT.sub(lambda m: _TRANSLATED[m[0]], name).translate(_UNCOMBINED)
     plain = "".join(c for c in unicodedata.normalize("NFKD", name) if not unicodedata.combining(c))
     plain = re.sub(r"\u00b1|\+/-", " plusminus ", plain.replace("\u03bc", "\u00b5"))
     unit = ""

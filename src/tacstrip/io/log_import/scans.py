@@ -24,6 +24,7 @@ _DAY_S = 86400.0
 _HALF_HOUR_S = 1800.0
 _FEW_FALLS = 0.34  # of the scans: where the time falls more often, the log is unsorted
 _FEW_ODD = 0.05  # of a column's numbers: more are no slip of single fields
+_FEW_STEPS = 2  # of a time that falls: fewer may be a clock that begins anew
 _FEW_SCANS = 4  # of fewer, equal times tell nothing
 _LONG_AGO = 1e8  # of any unit: a time that does not count from the log's start
 _A_PERIOD = 0.97  # of the time from scan to scan: lines of one scan, each with its own time, are less apart
@@ -79,6 +80,8 @@ def scans(table: Table, mapping: ColumnMapping, dropped: list[int] | None = None
         )
     table = table.where(mapping.only)
     _check_digits(table, mapping)
+    if is_newest_first(table, mapping):
+        table = _oldest_first(table, mapping)
     ordered, times = _in_order(table, _times(table, mapping), mapping)
     found = list(_scans(ordered, times, mapping, [] if dropped is None else dropped, ordered is not table))
     if not found:
@@ -178,6 +181,32 @@ def raw_times(table: Table, mapping: ColumnMapping) -> FloatArray:
     return values
 
 
+def is_newest_first(table: Table, mapping: ColumnMapping) -> bool:
+    """Return whether the time falls all through a log, as where the newest line stands first, and no scans count up."""
+    if mapping.scan:
+        counts = [number_of(f, table.decimal) or 0.0 for f in table.column(mapping.scan)]
+        if any(b > a for a, b in itertools.pairwise(counts)):
+            return False
+    steps = np.diff(raw_times(table, mapping)) if mapping.time and len(table.rows) > 1 else np.zeros(1)
+    return bool((steps <= 0.0).all() and (steps < 0.0).sum() >= _FEW_STEPS)
+
+
+def _oldest_first(table: Table, mapping: ColumnMapping) -> Table:
+    """Return a table whose newest line stands first in the order of time, lines of one time as they stand."""
+    times = raw_times(table, mapping)
+    order = np.argsort(times, kind="stable")
+    if (
+        len({*times.tolist()}) < len(times) and mapping.strip
+    ):  # where strips fall within a scan, these are backwards, too
+        order = np.arange(len(times))[::-1] if _strips_fall(table, mapping, times) else order
+    return replace(table, rows=[table.rows[n] for n in order], lines=[table.lines[n] for n in order])
+
+
+def _strips_fall(table: Table, mapping: ColumnMapping, times: FloatArray) -> bool:
+    steps = np.diff(strip_numbers(table, mapping))[np.diff(times) == 0.0]
+    return bool((steps <= 0).all() and (steps < 0).any())
+
+
 def _times(table: Table, mapping: ColumnMapping) -> FloatArray | None:
     """Return each row's time from the first on [s]; None where the log has none."""
     if not mapping.time:
@@ -246,12 +275,16 @@ def _scans(
     bits = bits_by_line(table) if mapping.adc_bits_of_lines else []
     scan: LogScan | None = None
     seen: dict[tuple[int, int], int] = {}
-    count, last, ended = -1, 0, 0
+    backwards = not by_time and table.lines[0] > table.lines[-1]  # the newest stood first
+    count, last, ended = -1, 0, np.inf if backwards else 0.0
     period = _A_PERIOD * _period(times, strips) if times is not None and strips else np.inf
+
+    def between(line: int, until: float) -> bool:
+        return until < line < ended if backwards else ended < line < until
 
     def closed(scan: LogScan, until: float) -> Iterator[LogScan]:
         per_line = mapping.strip or mapping.which
-        if per_line and len(seen) < scan.values.size and any(ended < b < until for b in table.broken):
+        if per_line and len(seen) < scan.values.size and any(between(b, until) for b in table.broken):
             dropped.append(scan.line)
         else:
             yield _complete(scan, seen, mapping)
@@ -303,7 +336,7 @@ def _scans(
             seen[strip, end] = line
         last = n
     if scan is not None:
-        yield from closed(scan, np.inf)
+        yield from closed(scan, 0.0 if backwards else np.inf)
 
 
 def _period(times: FloatArray, strips: list[int]) -> float:

@@ -1,0 +1,287 @@
+"""The unit of the time, and what its clock does."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from dataclasses import replace
+
+import numpy as np
+
+from tacstrip.arrays import FloatArray
+from tacstrip.errors import ReadingError
+from tacstrip.io.log_import import conversion
+from tacstrip.io.log_import.columns import Columns
+from tacstrip.io.log_import.contents import CLOCK_BITS
+from tacstrip.io.log_import.fields import clock_seconds, is_date, is_of_two, number_of
+from tacstrip.io.log_import.mapping import RESTARTS, ColumnMapping
+from tacstrip.io.log_import.names import (
+    CLOCKS,
+    TIME_UNITS,
+    UNITS,
+    unknown_unit,
+)
+from tacstrip.io.log_import.questions import Clues
+from tacstrip.io.log_import.scans import LogScan, raw_times
+from tacstrip.io.log_import.table import CLOCK, ROW
+
+_RATES_HZ = (0.12, 5000.0)  # scans per second that a log may have
+_POSSIBLE_S = (1.5e-4, 3600.0)  # from scan to scan
+_EVEN = 0.2  # of the largest step: so much may others of a clock be less
+_FEW_CODES = 6  # distinct readings that lie on a converter's steps: no chance
+_FAR = 1e5  # usual steps: no pause is as long
+_FAR_LAST = 300.0  # times the largest other step
+_JUMP = 5.0  # usual steps: so much a clock may rise where it begins anew
+_EPOCHS = {"s": 1e9, "ms": 1e12, "us": 1e15, "ns": 1e18}  # since 1970, up to 2.2 times that
+_SAME_TIME = 0.5  # of the scans: if more have the time of the one before, the clock is too coarse
+_HOURS_SAID = re.compile(
+    r"\bh{1,2}[ :.]?m{1,2}\b(?![ :.]?s)|\btimes? of day\b|\buhrzeit\b|\bhours? ?(?:and|:) ?min", re.IGNORECASE
+)
+_MINUTES_SAID = re.compile(
+    r"(?<![hH][:.])\bm{1,2}[ :.]s{1,2}\b|\bmin\w* ?(?:and|:) ?s(?:ec\w*)?\b|\bstop ?watch\b", re.IGNORECASE
+)
+_OF_DAY_SAID = re.compile(r"\b(?:hora|heure|ora|uhr|godzina|klokken)\b", re.IGNORECASE)
+_LAST_HOUR = 23
+_SAME_RATE = 0.02  # relative: steps that are those of a rate
+_RATE = re.compile(
+    r"\b(?:\w*(?:rate|frequenz|frequency|fs|freq|takt|sampled|sampling|recorded|logged)\w*)\b[^\d\n]{0,20}?([\d.,]+)\s*(k?)(?:hz|sps|s/s|1/s)",
+    re.IGNORECASE,
+)
+# As National Instruments' programs write it, in seconds.
+_INCREMENT = re.compile(
+    r"(?:^X_Dimension[\t;,]Time\b[\s\S]*?^Delta_X|^wf_increment)[\t;,]\s*([\d.,]+(?:E[+-]?\d+)?)",
+    re.IGNORECASE | re.MULTILINE,
+)
+_PERIOD = re.compile(
+    r"\b(?:\w*(?:interval|period|intervall|periode|delta[ _]?[tx]|dt|time ?step|schrittweite)\w*)\b[^\d\n]{0,20}?"
+    r"([\d.,]+(?:e[+-]?\d+)?)[\s,;]*(s|ms|us|µs|sec|seconds|msec)\b",
+    re.IGNORECASE,
+)
+
+
+def with_time(clues: Clues, mapping: ColumnMapping, found: Columns) -> ColumnMapping:
+    """Return the mapping with the unit of its time and what its clock does, as far as the column says it."""
+    if not found.time:
+        return mapping
+    clues.choice("restart", RESTARTS)
+    unit = clues.choice("time_unit", (*TIME_UNITS, *CLOCKS)) or _unit_of_name(clues, found)
+    mapping = replace(mapping, time_unit=unit or "s")
+    times = raw_times(clues.table, mapping)
+    if not unit and (since := [u for u, s in _EPOCHS.items() if s <= abs(times[0]) <= 2.2 * s]):
+        clues.because(f"{found.time}: {since[0]} since 1970")
+        unit = since[0]
+    steps = np.diff(times)
+    mapping = replace(mapping, time_unit=unit)
+    return (
+        mapping
+        if unit in CLOCKS
+        else replace(mapping, time_bits=_clock_bits(clues, found.time, times, steps))
+    )
+
+
+def _unit_of_name(clues: Clues, found: Columns) -> str:
+    first = clues.table.column(found.time)[0]
+    if number_of(first, clues.table.decimal) is None and clock_seconds(first) is not None:
+        clues.because(f"{found.time}: times of day or dates, such as {first}")
+        return _of_two_parts(clues, found.time)
+    unit = found.meanings[found.time].unit
+    return unit if unit in TIME_UNITS else ""
+
+
+def _of_two_parts(clues: Clues, name: str) -> str:
+    """Return whether times such as 14:05 are hours and minutes or minutes and seconds; "clock" for all others."""
+    fields = clues.table.column(name)
+    if not all(map(is_of_two, fields)):
+        return "clock"
+    above = "\n".join((name, *clues.table.preamble))
+    ways = {"hh:mm": bool(_HOURS_SAID.search(above)), "mm:ss": bool(_MINUTES_SAID.search(above))}
+    first = [int(f.partition(":")[0]) for f in fields]
+    of_day = _OF_DAY_SAID.search(name) and any(fields[0].strip("0:"))
+    dated = any(all(map(is_date, clues.table.column(n))) for n in clues.table.names)
+    midnight = any((a, b) == (23, 0) for a, b in itertools.pairwise(first))
+    ways["hh:mm"] |= bool(of_day or dated or midnight)
+    ways["mm:ss"] |= max(first) > _LAST_HOUR
+    times = [clock_seconds(f) or 0.0 for f in fields]
+    steps = [b - a for a, b in itertools.pairwise(times) if b > a]
+    for period in {1.0 / rate for rate in _rates_above(clues)} | conversion.repeated_s(clues.table):
+        for way, unit in (("hh:mm", 60.0), ("mm:ss", 1.0)) if steps else ():
+            ways[way] |= _is_rate(unit * float(np.median(steps)), 1.0 / period)
+    said = [way for way, so in ways.items() if so]
+    if len(said) == 1:
+        clues.because(f"{name}: {fields[-1]} is {said[0]}, as the log says")
+        return said[0]
+    clues.ask(
+        "time_unit", f"{name}: is {fields[-1]} hours and minutes (hh:mm), or minutes and seconds (mm:ss)?",
+        "hh:mm", "mm:ss",
+    )  # fmt: skip
+    return "mm:ss"
+
+
+def _clock_bits(clues: Clues, name: str, times: FloatArray, steps: FloatArray) -> int:
+    """Return how many bits a clock has that falls only where these are full; 0 where it never falls, or otherwise."""
+    falls, rises = steps[steps < 0.0], steps[steps > 0.0]
+    if not len(falls) or not len(rises) or (times != np.round(times)).any():
+        return 0
+    for bits in CLOCK_BITS:
+        over = falls + 2.0**bits
+        if times.max() < 2.0**bits and (over > 0.0).all() and (over <= _JUMP * rises.max()).all():
+            clues.because(f"{name}: a clock of {bits} bits, for it begins anew where these are full")
+            return bits
+    return 0
+
+
+def settled_time(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> ColumnMapping:
+    """Return the mapping with the unit of its time, by the steps from scan to scan, or with its rate."""
+    rate = clues.number("rate_hz")
+    if mapping.time and len(rough) > 1:
+        steps = np.diff([s.time_s for s in rough])
+        if (steps == 0.0).mean() > _SAME_TIME:
+            if (steps != 0.0).any() or rate is None:
+                clues.because(
+                    f"{mapping.time}: most scans have the time of the one before, so it says nothing"
+                )
+            mapping = replace(mapping, time="", time_unit="s", time_bits=0)
+    if not mapping.time:
+        rate = rate or _rate_above(clues)
+        if rate is None and len(rough) > 1:
+            if even := _even_column(clues, mapping, len(rough)):
+                clues.ask(
+                    even, f"no name says the time, and {even!r} rises evenly: is it? Or give rate_hz", "time"
+                )
+            else:
+                text = f"the log has {len(rough)} scans and no time: how many scans per second?"
+                clues.ask("rate_hz", text, "50")
+        return replace(mapping, rate_hz=rate or 0.0)
+    steps = np.diff(np.array([s.time_s for s in rough]))
+    if len(steps) > 2 and (
+        steps[0] > _FAR * np.median(steps[1:]) > 0.0
+        or (len(steps) > _FEW_CODES and steps[0] > _FAR_LAST * max(steps[1:]) > 0.0)
+    ):
+        raise ReadingError(
+            f"line {rough[1].line}: the time jumps as at no other line from {rough[0].time_s:g} s; if the line before "
+            "is cut, take it out"
+        )
+    if len(steps) > _FEW_CODES and steps[-1] > _FAR_LAST * max(steps[:-1]) > 0.0:
+        raise ReadingError(
+            f"line {rough[-1].line}, the last: the time jumps there as nowhere else, to {rough[-1].time_s:g} s: is a "
+            "point lost, or is it cut? Mend it, or take it out"
+        )
+    step = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
+    if mapping.time_unit or len(rough) < 2:
+        if "time_unit" not in clues.answers and step and not _POSSIBLE_S[0] <= step <= _POSSIBLE_S[1]:
+            raw = step / TIME_UNITS.get(mapping.time_unit, 1.0)
+            rates = _rates_above(clues)
+            so = [
+                u for u in ("ms", "us", "s") if len(rates) == 1 and _is_rate(raw * TIME_UNITS[u], min(rates))
+            ]
+            clues.ask(
+                "time_unit",
+                f"{mapping.time} would rise by {step:g} s from scan to scan: in which unit is it?"
+                + (f" (A line above says {min(rates):g} Hz, as they would be in {so[0]})" if so else ""),
+                "ms",
+                "us",
+                "s",
+            )
+        return replace(mapping, time_unit=mapping.time_unit or "s")
+    fits = [
+        u
+        for u in ("s", "ms", "us", "days")
+        if step and _RATES_HZ[0] <= 1.0 / (step * TIME_UNITS[u]) <= _RATES_HZ[1]
+    ]
+    strange = unknown_unit(mapping.time)
+    if rate and step:  # which tells the unit, or that the column is no time
+        told = [u for u in ("s", "ms", "us") if _is_rate(step * TIME_UNITS[u], rate)]
+        if not told:
+            clues.doubt(
+                f"{mapping.time!r} rises by {step:g} from scan to scan, which is {rate:g} scans per second in no unit: "
+                "it is passed over"
+            )
+            return replace(mapping, time="", time_unit="s", time_bits=0, rate_hz=rate)
+        clues.because(f"{mapping.time} is in {told[0]}, at {rate:g} scans per second")
+        return replace(mapping, time_unit=told[0])
+    if (
+        fits
+        and not strange
+        and len(told := [u for u in fits if _is_unit_told(clues, mapping.time, u, step)]) == 1
+    ):
+        clues.because(f"{mapping.time} is in {told[0]}, as a line above says")
+        return replace(mapping, time_unit=told[0])
+    if len(fits) == 1 and not strange:
+        if fits != ["days"] and step == round(step):  # which may count the ticks of any clock
+            clues.doubt(
+                f"{mapping.time} rises by {step:g} from scan to scan, and nothing says its unit: taken as {fits[0]}, "
+                f"so {1.0 / (step * TIME_UNITS[fits[0]]):g} scans per second; else --answer rate_hz=... or time_unit=us"
+            )
+        clues.because(f"{mapping.time} is in {fits[0]}: it rises by {step:g} from scan to scan")
+        return replace(mapping, time_unit=fits[0])
+    counts = step == 1.0 and set(steps.tolist()) == {1.0}
+    clues.ask(
+        "time_unit",
+        f"{mapping.time} rises by {step:g} from scan to scan: in which unit?"
+        + (f" ({strange!r} is none that is known: if it is none of these, write seconds)" if strange else "")
+        + (" (If it only counts the scans, --answer rate_hz=50 with their rate instead)" if counts else ""),
+        *(fits or ("s", "ms", "us")),
+    )
+    return replace(mapping, time_unit="s")
+
+
+def _even_column(clues: Clues, mapping: ColumnMapping, scans: int) -> str:
+    """Return a column of no known meaning that rises from scan to scan by always as much; "" where there is none."""
+    used = {*mapping.columns, mapping.scan, mapping.strip, mapping.which, CLOCK, ROW}
+    for name in clues.table.names:
+        values = np.array([np.nan if v is None else v for v in clues.values(name)])
+        steps = np.diff(values)
+        steps = steps[steps != 0.0]
+        if (
+            name in used
+            or name in clues.answers
+            or len(steps) != scans - 1
+            or not (steps > 0.0).all()
+            or len(steps) < 2
+        ):
+            continue
+        if np.ptp(steps) <= _EVEN * steps.max() and (steps != 1.0).any():  # else it counts the scans
+            return name
+    return ""
+
+
+def _is_unit_told(clues: Clues, name: str, unit: str, step: float) -> bool:
+    """Return whether lines above say that a time is in a unit ("t in ms"), or a rate that it has only in that."""
+    text = "\n".join(clues.table.preamble)
+    said = {
+        UNITS.get(u.lower(), u) for u in re.findall(rf"\b{re.escape(name)} in (?:the )?([a-zµ]+)\b", text)
+    }
+    rates = _rates_above(clues)
+    return said == {unit} or (not said and len(rates) == 1 and _is_rate(step * TIME_UNITS[unit], min(rates)))
+
+
+def _is_rate(step_s: float, rate_hz: float) -> bool:
+    """Return whether a step from scan to scan is that of a rate."""
+    return abs(step_s * rate_hz - 1.0) < _SAME_RATE
+
+
+def _rate_above(clues: Clues) -> float | None:
+    """Return the rate that the lines above the table say, if only one."""
+    rates = _rates_above(clues)
+    if len(rates) != 1:
+        return None
+    clues.because(f"{min(rates):g} scans per second, by a line above the table")
+    return rates.pop()
+
+
+def _rates_above(clues: Clues) -> set[float]:
+    """Return the rates [Hz] that the lines above the table say, as such or as periods."""
+    text = "\n".join(clues.table.preamble)
+    if steps := {number_of(d, "," if "," in d else ".") for d in _INCREMENT.findall(text)} - {None, 0.0}:
+        return {1.0 / step for step in steps if step}
+    rates = {
+        value * (1000.0 if kilo else 1.0)
+        for digits, kilo in _RATE.findall(text)
+        if (value := number_of(digits.rstrip(".,"), "," if "," in digits else "."))
+    }
+    rates |= {
+        1.0 / (value * TIME_UNITS[{"sec": "s", "seconds": "s", "msec": "ms", "µs": "us"}.get(unit, unit)])
+        for digits, unit in ((d, u.casefold()) for d, u in _PERIOD.findall(text))
+        if (value := number_of(digits.rstrip(".,"), "," if "," in digits else "."))
+    }
+    return rates
