@@ -26,6 +26,7 @@ from tacstrip.sensor.spec import Sensor
 
 _MOST = 400  # contacts; more than five times the thesis' 81 and a long day
 _TOP = 14.0 / 15.0  # of the length
+_SLANT = (0.15, 0.85)  # of the length, on the first strip and on the last
 _CLEAR = 0.025  # over Vref: lower readings an offset may take to 0
 _LENGTHS = (0, 5, 10)  # units, as in 6.1.1
 _OTHER_LENGTHS = (0, 5, 10, 15)  # units: of contacts that shall be read well
@@ -54,6 +55,9 @@ class Plan:
         Predicted standard deviation of each parameter, as fitted: over Vref or L, or of a logarithm.
     model
         The model that they are for.
+    slanted_mm
+        Lower ends of one more contact without length, slanted across the strips (strips,) [mm]: it shows strips whose
+        wires are exchanged, which bars that lie straight cannot. Empty on curved surfaces and on fewer than three.
     reached
         Whether `promise_percent` is as small as was wanted.
     """
@@ -64,6 +68,7 @@ class Plan:
     sigma: dict[str, float]
     model: str
     reached: bool
+    slanted_mm: tuple[float, ...] = ()
 
     @property
     def promise_percent(self) -> float:
@@ -152,7 +157,15 @@ def plan(
         contacts, float(100.0 * worst * sigma), float(100.0 * design.floor * sigma),
         dict(zip(names, spread, strict=True)), parts.name,
         bool(np.hypot(worst, design.floor) * sigma <= 0.01 * wanted_percent),
+        _slanted(sensor),
     )  # fmt: skip
+
+
+def _slanted(sensor: Sensor) -> tuple[float, ...]:
+    """Return the lower ends of a contact that lies slanted across flat strips (strips,) [mm]."""
+    if sensor.surface is not None or sensor.strips < 3:
+        return ()
+    return tuple(np.round(np.linspace(*_SLANT, sensor.strips) * sensor.length_mm, 2).tolist())
 
 
 def _columns(places: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -131,8 +130,7 @@ class SerialSource:
         self.sensor, self._wanted = cast(Sensor, own), unit_of(own)  # of two layers what takes one refuses it
         self.names = self.hello.signatures
         self.origin_ns, self._host = time.time_ns(), HostClock()
-        period_us = self.hello.period_us if self._period_us is None else self._period_us
-        self._period_s = max(period_us, self.hello.cycle_us) * 1e-6
+        self._period_s = max(self._wanted_period_us, self.hello.cycle_us) * 1e-6
         self._clock = DeviceClock(self._period_s)
         self._run = 0  # the decoder's count of restarts at the last scan
         self._due: int | None = None  # the number after the last scan's
@@ -145,7 +143,7 @@ class SerialSource:
         self._slow_windows = 0  # in a row
         self._last_s = 0.0  # the last scan's time by the device's clock
         self._overslept = False  # a scan began a period too late, since the device was asked how often
-        self._own_s = -math.inf  # when the device last identified itself
+        self._own_s = 0.0  # when the device last identified itself
 
     @property
     def clock(self) -> str:
@@ -156,6 +154,11 @@ class SerialSource:
     def device(self) -> str:
         """The unit's name."""
         return self.hello.unit_name
+
+    @property
+    def _wanted_period_us(self) -> int:
+        """The period asked for, else the device's own [us]; 0: as fast as possible."""
+        return self.hello.period_us if self._period_us is None else self._period_us
 
     @property
     def counts(self) -> Counts:
@@ -190,8 +193,8 @@ class SerialSource:
         self._run, self._due = self._decoder.counts.restarts, None
         patience_s = max(_SILENT_S, 4.0 * self._period_s)
         prompt_s = min(max(_PROMPT_S[0], self._period_s / 5.0), _PROMPT_S[1])
-        self._own_s = -math.inf
-        asked_s, self._overslept = self._host(), False
+        asked_s = self._own_s = self._host()
+        self._overslept = False
         heard_s, streaming, silent, corrupt = self._host(), False, False, self._decoder.counts.corrupt
         line_was_empty = False  # since the last scans
         identified = False  # the device restarted, identified itself, and has sent no scan since
@@ -303,8 +306,8 @@ class SerialSource:
                     yield scans[start:i]
                 start = i
                 self._hold_scans()
-            follows = raw.sequence == self._due and bool(self._period_us)
-            self._overslept |= follows and raw.time_s - self._last_s >= _LATE * self._period_s
+            late = bool(self._wanted_period_us) and raw.time_s - self._last_s >= _LATE * self._period_s
+            self._overslept |= late and raw.sequence == self._due
             self._due, self._last_s = raw.sequence + 1, raw.time_s
         yield scans[start:]
 
@@ -434,7 +437,7 @@ class SerialSource:
 
         `line_was_empty`: the reader was waiting for these scans. Else the device may have waited for the reader.
         """
-        period_us = self.hello.period_us if self._period_us is None else self._period_us
+        period_us = self._wanted_period_us
         newest = _WindowStart(int(batch.sequence[-1]), 1e-6 * int(batch.time_us[-1]), now_s, batch.restarts)
         start = self._slow_from
         if not line_was_empty or start is None or start.run != newest.run or self._clock.fault:
