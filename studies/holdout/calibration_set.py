@@ -466,7 +466,9 @@ def _file(
 def table(rows: list[dict[str, Any]]) -> list[str]:
     """Return what is left on other readings, and what ranges hold."""
     rows = [r for r in rows if "error" in r and not isinstance(r["error"], str)]
-    head = f"| units | cases | ok | within {ASKED} % | within the plan's promise | median, % of Vref | worst |"
+    head = (
+        f"| units | cases | ok | within {ASKED} % | within the plan's promise | median, % of Vref | worst |"
+    )
     lines = [head, "|" + " --- |" * 7]
 
     def line(title: str, some: list[dict[str, Any]]) -> str:

@@ -321,8 +321,12 @@ def test_planned_presses_repeated_leave_what_the_plan_promised() -> None:
     assert np.percentile(100.0 * np.abs(np.stack(list(off.values()))), 95.0) <= made.worst_percent
     assert not found.constants.model.has("curve")
     refused = {t.name: t.verdict for t in trials}
-    assert "6 distinct places and needs 8; press more contacts" in refused["offset+gain+ratio+lambda+warp16"]
-    with pytest.raises(ts.ReadingError, match="6 distinct places and needs 10; press more contacts"):
+    # However often repeated; a place that reads Vref on the strip, by its offset, is none.
+    apart = int((read(places)["kh"][:, 0] < 1.0).sum())
+    assert 5 <= apart <= len(places) == 6
+    words = f"strip 0 has {apart} distinct places and needs"
+    assert f"{words} 8; press more contacts" in refused["offset+gain+ratio+lambda+warp16"]
+    with pytest.raises(ts.ReadingError, match=f"{words} 10; press more contacts"):
         fit_named("ratio+lambda+curve8", sensor, runs)
 
 
@@ -464,9 +468,48 @@ def test_uneven_rubber_read_by_one_signature_has_a_floor_that_the_plan_says() ->
         true = Constants(model, ("k",), np.zeros(0), own)
         l4, w4 = (np.repeat(v[:, None], 4, axis=1) for v in (l, w))
         runs = runs_of(sensor, [(0.0, 0.0)], {"k": np.full((1, 4), 0.5)})
-        others = replace(runs, l_mm=l4, w_mm=w4, raw=predict(true, sensor, l4, w4), line=np.zeros(l4.shape, int))
+        others = replace(
+            runs, l_mm=l4, w_mm=w4, raw=predict(true, sensor, l4, w4), line=np.zeros(l4.shape, int)
+        )
         off.append(100.0 * np.abs(residuals(apply(true, sensor), others)["k"]))
     np.testing.assert_allclose(np.quantile(off, 0.95), made.floor_percent, rtol=0.15)
+
+
+def _planned_runs(kind: str, rng: np.random.Generator) -> tuple[ts.Sensor, Runs]:
+    """Runs of a plan's presses, the slanted one too, on strips that are wired in another order."""
+    sensor = ts.Sensor(construction="crs-m", strips=8, pitch_mm=6.5, length_mm=200.0)
+    made = plan(sensor, 0.2, ts.Noise(positional=0.002))
+    assert len(made.slanted_mm) == 8
+    straight = [(l, w) for l, w, times in made.contacts for _ in range(times)]
+    l = np.array([*([l] * 8 for l, _ in straight), made.slanted_mm])
+    w = np.array([*([w] * 8 for _, w in straight), [0.0] * 8])
+    raw = ts.signatures(replace(sensor, contact_lambda_mm=1.0), l, l + w)["k"]
+    raw = rng.uniform(0.99, 1.01, 8) * raw + rng.uniform(-0.02, 0.02, 8) + rng.uniform(-0.002, 0.002, l.shape)
+    order = {"pair": [0, 2, 1, 3, 4, 5, 6, 7], "shifted": [6, 7, 0, 1, 2, 3, 4, 5]}.get(kind, list(range(8)))
+    if kind == "mislaid":
+        l[-1] += 12.0
+    return sensor, Runs(l, w, {"k": raw[:, order]}, line=np.arange(2, 2 + l.size).reshape(l.shape), rest={})
+
+
+def test_a_slanted_press_shows_exchanged_strips() -> None:
+    words = "strips are exchanged, by the presses that lie slanted across them: strip 1 is 2, 2 is 1"
+    with pytest.raises(ts.ReadingError, match=words):
+        ts.calibrate_unit(*_planned_runs("pair", np.random.default_rng(0)))
+    with pytest.raises(ts.ReadingError, match="strip 0 is 6, 1 is 7, 2 is 0"):
+        ts.calibrate_unit(*_planned_runs("shifted", np.random.default_rng(1)))
+
+
+@pytest.mark.parametrize("kind", ["sound", "mislaid"])
+def test_a_slanted_press_on_strips_in_order_is_no_alarm(kind: str) -> None:
+    for seed in range(4):
+        assert ts.calibrate_unit(*_planned_runs(kind, np.random.default_rng(seed))).status == "ok"
+
+
+@pytest.mark.parametrize("factor", [1.0, 0.9])
+def test_readings_all_scaled_alike_are_asked_about(factor: float) -> None:
+    sensor, runs = _planned_runs("sound", np.random.default_rng(2))
+    done = ts.calibrate_unit(sensor, replace(runs, raw={"k": factor * runs.raw["k"]}))
+    assert ("all strips read 0.896 times what the spec's give" in done.advice) == (factor == 0.9)
 
 
 def test_places_less_exact_need_more_presses() -> None:

@@ -329,9 +329,7 @@ def jacobian(sensor: Sensor, constants: Constants, l_mm: FloatArray, w_mm: Float
     return np.stack([(predicted(c) - here) / _STEP for c in moves], axis=-1)
 
 
-def jacobian_of_places(
-    sensor: Sensor, constants: Constants, l: FloatArray, w: FloatArray
-) -> FloatArray:
+def jacobian_of_places(sensor: Sensor, constants: Constants, l: FloatArray, w: FloatArray) -> FloatArray:
     """Return the derivatives of raw readings by l and w [1/mm] (signatures, contacts, strips, 2)."""
     step = _STEP * sensor.length_mm
     here, up, longer = (

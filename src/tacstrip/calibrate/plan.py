@@ -283,7 +283,7 @@ class _Design:
         return np.asarray(((rows @ covariance) * rows).sum(axis=2))
 
     def press(self, wanted: float) -> Counter[int]:
-        """Return how often each place is pressed, until the worst two sigma are as wanted, or small beside the floor."""
+        """Return how often each place is pressed, until the worst two sigma are as wanted or below the floor."""
         counts: Counter[int] = Counter()
         worst, least = np.inf, _REDUNDANT * len(self.prior) / self.by.shape[1]
         enough = max(wanted, _BESIDE * self.floor)

@@ -13,7 +13,14 @@ from tacstrip.errors import PortError
 from tacstrip.sensor.layers import AnySensor, LayeredSensor, unit_of
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.device.clocks import DeviceClock, HostClock
-from tacstrip.stream.device.handshake import WrongDeviceError, check_alone, check_device, check_unit, handshake, sensor_of
+from tacstrip.stream.device.handshake import (
+    WrongDeviceError,
+    check_alone,
+    check_device,
+    check_unit,
+    handshake,
+    sensor_of,
+)
 from tacstrip.stream.device.port import Port
 from tacstrip.stream.device.protocol.decoder import Counts, Decoder
 from tacstrip.stream.device.protocol.frames import Kind

@@ -66,7 +66,9 @@ class Troubles:
     def check_late(self, late: int, now_s: float) -> None:
         """Report scans that began late by the device's own count since its start."""
         if late > self._late:
-            text = f"{late} scan(s) began a period or more too late, says the device: it cannot keep this rate"
+            text = (
+                f"{late} scan(s) began a period or more too late, says the device: it cannot keep this rate"
+            )
             self.say("late", f"{text}; ask for a lower one", now_s)
         self._late = late
 
