@@ -307,7 +307,7 @@ def test_two_units_on_one_line_are_named(clock: Clock, tmp_path: Path) -> None:
     def also_sends(device: Rogue, i: int, data: bytes) -> list[bytes]:
         return [data, device.scan(i + 5000)]
 
-    with pytest.raises(ts.PortError, match="two units send on one line, 'left' and 'right'"):
+    with pytest.raises(ts.PortError, match="two units answer on one line, 'left' and 'right'"):
         recorded(BothAnswer(clock, also_sends), tmp_path)
 
 

@@ -184,8 +184,8 @@ class Calibrated:
             return ""
         return (
             f"all strips read {gain:.3g} times what the spec's give, which runs alone cannot explain: resistance in "
-            "the supply, or volts by another reference than vref_volt. If only these runs were read so, all later readings "
-            "will be wrong by as much"
+            "the supply, or volts by another reference than vref_volt. If only these runs were read so, all later "
+            "readings will be wrong by as much"
         )
 
     @property

@@ -160,8 +160,8 @@ def _show_plan(made: Plan, spec: Sensor, wanted: float, place_mm: float) -> None
         click.echo(f"{l:11.4g}{w:10.4g}{times:7d}")
     if made.slanted_mm:
         click.echo(
-            f"and a thin one, slanted: from l = {made.slanted_mm[0]:.4g} on the first strip to {made.slanted_mm[-1]:.4g} "
-            "on the last, which shows exchanged strips; fill in where it lies"
+            f"and a thin one, slanted: from l = {made.slanted_mm[0]:.4g} on the first strip to "
+            f"{made.slanted_mm[-1]:.4g} on the last, which shows exchanged strips; fill in where it lies"
         )
     click.echo(
         f"{made.count} contacts on each of {spec.strips} strips; corrected readings then lie within "

@@ -17,7 +17,7 @@ from tacstrip.stream.device.protocol.messages import Command, Hello, is_name
 
 _ASK_S = 0.5  # between two requests to identify itself
 _READ_S = 0.1
-_BOTH_S = 0.5  # between identifications of two units: nobody changes a plug so fast
+_BOTH_S = 0.2  # between identifications of two units: nobody changes a plug so fast
 
 
 class WrongDeviceError(PortError):
@@ -110,8 +110,8 @@ def check_alone(hello: Hello, first: Hello, since_s: float) -> None:
     """
     if since_s < _BOTH_S and hello.unit_name != first.unit_name:
         raise WrongDeviceError(
-            f"two units send on one line, {first.unit_name!r} and {hello.unit_name!r}: which scan is whose cannot be "
-            "told; take one of them off the line and start again"
+            f"two units answer on one line, {first.unit_name!r} and {hello.unit_name!r} (or were exchanged within "
+            f"{_BOTH_S:g} s): which scan is whose cannot be told; take one of them off the line and start again"
         )
 
 

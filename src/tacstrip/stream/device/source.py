@@ -35,6 +35,7 @@ _READ_S = 0.1  # longest wait for a byte before a stop is noticed
 _SILENT_S = 0.8  # the least time without a scan, and four periods, that count as silence
 _RETRY_S = 0.3  # between two attempts to reopen a port
 _ASK_S = 0.5  # between two requests to identify itself
+_LATE_S = 10.0  # between two requests for the count of late scans
 _LATE = 1.9  # periods from one scan to the next: the device began a period too late
 _START_S = 0.2  # between two commands to start after a hello, least
 _ODD_SCANS = 20  # of another layout than the hello's, in a row, that end the stream
@@ -200,7 +201,7 @@ class SerialSource:
         self._run, self._due = self._decoder.counts.restarts, None
         patience_s = max(_SILENT_S, 4.0 * self._period_s)
         prompt_s = min(max(_PROMPT_S[0], self._period_s / 5.0), _PROMPT_S[1])
-        asked_s = self._own_s = self._host()
+        asked_s, self._own_s = -_LATE_S, self._host()
         self._overslept = False
         heard_s, streaming, silent, corrupt = self._host(), False, False, self._decoder.counts.corrupt
         line_was_empty = False  # since the last scans
@@ -256,7 +257,7 @@ class SerialSource:
                 self._repeat_commands(now_s)
             if self._held is not None:
                 self._ask_identity()
-            elif self._overslept and now_s - asked_s > _ASK_S:
+            elif self._overslept and now_s - asked_s > _LATE_S:
                 asked_s, self._overslept = now_s, False
                 self._write(Kind.IDENTIFY)  # the hello holds the count of late scans
             if self._host() - heard_s > patience_s:
