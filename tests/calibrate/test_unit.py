@@ -12,7 +12,7 @@ import pytest
 
 import tacstrip as ts
 from tacstrip.arrays import FloatArray
-from tacstrip.calibrate.fit import fit_model, jacobian
+from tacstrip.calibrate.fit import fit_model, jacobian, usable_rows
 from tacstrip.calibrate.model import Constants, Model, apply, pooled_precision, predict
 from tacstrip.calibrate.model_selection import fit_named, select_model
 from tacstrip.calibrate.offsets import mean_offsets
@@ -322,7 +322,8 @@ def test_planned_presses_repeated_leave_what_the_plan_promised() -> None:
     assert not found.constants.model.has("curve")
     refused = {t.name: t.verdict for t in trials}
     # However often repeated; a place that reads Vref on the strip, by its offset, is none.
-    apart = int((read(places)["kh"][:, 0] < 1.0).sum())
+    rows = usable_rows(runs)[:, 0]
+    apart = len(np.unique(np.stack([runs.l_mm[rows, 0], runs.w_mm[rows, 0]]), axis=1).T)
     assert 5 <= apart <= len(places) == 6
     words = f"strip 0 has {apart} distinct places and needs"
     assert f"{words} 8; press more contacts" in refused["offset+gain+ratio+lambda+warp16"]
