@@ -165,7 +165,8 @@ def _slanted(sensor: Sensor) -> tuple[float, ...]:
     """Return the lower ends of a contact that lies slanted across flat strips (strips,) [mm]."""
     if sensor.surface is not None or sensor.strips < 3:
         return ()
-    return tuple(np.round(np.linspace(*_SLANT, sensor.strips) * sensor.length_mm, 2).tolist())
+    settable = 1 if sensor.length_mm >= 30.0 else 4  # digits, as the places have
+    return tuple(np.round(np.linspace(*_SLANT, sensor.strips) * sensor.length_mm, settable).tolist())
 
 
 def _columns(places: FloatArray) -> tuple[FloatArray, FloatArray]:
