@@ -71,6 +71,7 @@ class Rogue:
         self.keep: list[bytes] = []
         self.silent = False
         self.supply_mv = 5000
+        self.late = 0
 
     @property
     def now_us(self) -> int:
@@ -98,7 +99,7 @@ class Rogue:
     ) -> bytes:
         on = self.streaming if streaming is None else streaming
         body = struct.pack("<HBBBBBBHI", STRIPS, 3, BITS, 7, 0, 0, on, self.supply_mv, 0)
-        body += struct.pack("<III", self.period_us, 700, 0)
+        body += struct.pack("<III", self.period_us, 700, self.late)
         body += struct.pack("16s16s", b"crs-crs", self.name if name is None else name)
         return frame(2, self.number(self.i) if number is None else number, self.now_us, body)
 

@@ -12,8 +12,8 @@ import pytest
 
 import tacstrip as ts
 from tacstrip.arrays import FloatArray
-from tacstrip.calibrate.fit import fit_model, jacobian
-from tacstrip.calibrate.model import Constants, Model, apply, predict
+from tacstrip.calibrate.fit import fit_model, jacobian, usable_rows
+from tacstrip.calibrate.model import Constants, Model, apply, pooled_precision, predict
 from tacstrip.calibrate.model_selection import fit_named, select_model
 from tacstrip.calibrate.offsets import mean_offsets
 from tacstrip.calibrate.place_errors import possible_errors
@@ -321,8 +321,13 @@ def test_planned_presses_repeated_leave_what_the_plan_promised() -> None:
     assert np.percentile(100.0 * np.abs(np.stack(list(off.values()))), 95.0) <= made.worst_percent
     assert not found.constants.model.has("curve")
     refused = {t.name: t.verdict for t in trials}
-    assert "6 distinct places and needs 8; press more contacts" in refused["offset+gain+ratio+lambda+warp16"]
-    with pytest.raises(ts.ReadingError, match="6 distinct places and needs 10; press more contacts"):
+    # However often repeated; a place that reads Vref on the strip, by its offset, is none.
+    rows = usable_rows(runs)[:, 0]
+    apart = len(np.unique(np.stack([runs.l_mm[rows, 0], runs.w_mm[rows, 0]]), axis=1).T)
+    assert 5 <= apart <= len(places) == 6
+    words = f"strip 0 has {apart} distinct places and needs"
+    assert f"{words} 8; press more contacts" in refused["offset+gain+ratio+lambda+warp16"]
+    with pytest.raises(ts.ReadingError, match=f"{words} 10; press more contacts"):
         fit_named("ratio+lambda+curve8", sensor, runs)
 
 
@@ -440,6 +445,96 @@ def test_a_plan_keeps_its_promise(wanted: float) -> None:
         off = np.abs(np.concatenate([v.ravel() for v in residuals(done, clean).values()]))
         inside.append(np.mean(100.0 * off <= made.worst_percent))
     assert np.mean(inside) > 0.95
+
+
+def test_uneven_rubber_read_by_one_signature_has_a_floor_that_the_plan_says() -> None:
+    sensor = ts.Sensor(construction="crs-m", strips=4, pitch_mm=6.5, length_mm=200.0)
+    made = plan(sensor, 0.2, ts.Noise(positional=0.002), uneven=True)
+    assert not made.reached
+    assert made.count <= 60
+    assert 0.3 < made.floor_percent <= made.promise_percent < 0.8
+    other = plan(replace(CRS, strips=4), 0.2, ts.Noise(positional=0.002), uneven=True)
+    assert other.reached
+    assert other.floor_percent == 0.0
+    # Errors of units whose constants are exact: of the plan's spread, 95 % of readings within the floor.
+    model = Model(frozenset({"warp"}), 16)
+    names = model.own(("k",))
+    root = np.linalg.inv(pooled_precision(model, "warp") / 0.06)
+    rng = np.random.default_rng(4)
+    w = rng.choice([0.0, 5.0, 10.0, 15.0], 400) * 200.0 / 32.5
+    l = rng.uniform(0.03, 0.97 - w / 200.0) * 200.0
+    off = []
+    for _ in range(30):
+        own = rng.normal(size=(4, len(names))) @ root.T
+        true = Constants(model, ("k",), np.zeros(0), own)
+        l4, w4 = (np.repeat(v[:, None], 4, axis=1) for v in (l, w))
+        runs = runs_of(sensor, [(0.0, 0.0)], {"k": np.full((1, 4), 0.5)})
+        others = replace(
+            runs, l_mm=l4, w_mm=w4, raw=predict(true, sensor, l4, w4), line=np.zeros(l4.shape, int)
+        )
+        off.append(100.0 * np.abs(residuals(apply(true, sensor), others)["k"]))
+    np.testing.assert_allclose(np.quantile(off, 0.95), made.floor_percent, rtol=0.15)
+
+
+def _planned_runs(kind: str, rng: np.random.Generator) -> tuple[ts.Sensor, Runs]:
+    """Runs of a plan's presses, the slanted one too, on strips that are wired in another order."""
+    sensor = ts.Sensor(construction="crs-m", strips=8, pitch_mm=6.5, length_mm=200.0)
+    made = plan(sensor, 0.2, ts.Noise(positional=0.002))
+    assert len(made.slanted_mm) == 8
+    straight = [(l, w) for l, w, times in made.contacts for _ in range(times)]
+    l = np.array([*([l] * 8 for l, _ in straight), made.slanted_mm])
+    w = np.array([*([w] * 8 for _, w in straight), [0.0] * 8])
+    raw = ts.signatures(replace(sensor, contact_lambda_mm=1.0), l, l + w)["k"]
+    raw = rng.uniform(0.99, 1.01, 8) * raw + rng.uniform(-0.02, 0.02, 8) + rng.uniform(-0.002, 0.002, l.shape)
+    order = {"pair": [0, 2, 1, 3, 4, 5, 6, 7], "shifted": [6, 7, 0, 1, 2, 3, 4, 5]}.get(kind, list(range(8)))
+    if kind == "mislaid":
+        l[-1] += 12.0
+    return sensor, Runs(l, w, {"k": raw[:, order]}, line=np.arange(2, 2 + l.size).reshape(l.shape), rest={})
+
+
+def test_a_slanted_press_shows_exchanged_strips() -> None:
+    words = "strips are exchanged, by the presses that lie slanted across them: strip 1 is 2, 2 is 1"
+    with pytest.raises(ts.ReadingError, match=words):
+        ts.calibrate_unit(*_planned_runs("pair", np.random.default_rng(0)))
+    with pytest.raises(ts.ReadingError, match="strip 0 is 6, 1 is 7, 2 is 0"):
+        ts.calibrate_unit(*_planned_runs("shifted", np.random.default_rng(1)))
+
+
+@pytest.mark.parametrize("kind", ["sound", "mislaid"])
+def test_a_slanted_press_on_strips_in_order_is_no_alarm(kind: str) -> None:
+    for seed in range(4):
+        assert ts.calibrate_unit(*_planned_runs(kind, np.random.default_rng(seed))).status == "ok"
+
+
+@pytest.mark.parametrize("factor", [1.0, 0.9])
+def test_readings_all_scaled_alike_are_asked_about(factor: float) -> None:
+    sensor, runs = _planned_runs("sound", np.random.default_rng(2))
+    done = ts.calibrate_unit(sensor, replace(runs, raw={"k": factor * runs.raw["k"]}))
+    assert ("all strips read 0.896 times what the spec's give" in done.advice) == (factor == 0.9)
+
+
+def test_places_less_exact_need_more_presses() -> None:
+    sensor = ts.Sensor(construction="crs-m", strips=6, pitch_mm=6.5, length_mm=100.0)
+    exact, rough = (plan(sensor, 0.1, ts.Noise(positional=0.002), place_mm=mm) for mm in (0.0, 0.1))
+    assert exact.count < rough.count
+    with pytest.raises(ts.OptionError, match="--place-mm 30: must be from 0 to a quarter of the length"):
+        plan(sensor, 0.1, ts.Noise(positional=0.002), place_mm=30.0)
+
+
+def test_ranges_hold_where_places_are_off_and_nobody_said_so() -> None:
+    sensor = ts.Sensor(construction="crs-m", strips=7, pitch_mm=6.5, length_mm=100.0)
+    truth = replace(sensor, contact_lambda_mm=1.2)
+    made = plan(sensor, 0.2, ts.Noise(positional=0.002))
+    places = np.array([(l, w) for l, w, times in made.contacts for _ in range(times)])
+    rng, off = np.random.default_rng(3), []
+    for _ in range(60):
+        errors = rng.uniform(-0.1, 0.1, places.shape) * (places > 0.0)
+        l, w = (np.repeat(v[:, None], 7, axis=1) for v in (places + errors).T)
+        raw = ts.signatures(truth, l, l + w)["k"] + rng.uniform(-0.0012, 0.0012, l.shape)
+        done = ts.calibrate_unit(sensor, runs_of(sensor, [tuple(p) for p in places], {"k": raw}))
+        (found,) = (p for p in done.parameters if p.name == "contact lambda")
+        off.append((found.value - 1.2) / found.sigma)
+    assert np.mean(np.abs(off) < 2.0) >= 0.9  # 0.82 by the likeliest errors of places alone
 
 
 def test_more_noise_needs_more_contacts_and_too_much_is_said() -> None:

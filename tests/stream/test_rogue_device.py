@@ -294,6 +294,39 @@ def test_no_scan_of_another_unit_is_recorded_whatever_its_number(
     assert len(list(ts.Recording(tmp_path / "a.mcap"))) == 151
 
 
+class BothAnswer(Rogue):
+    """A line that a second unit sends on too: it answers what the first one answers."""
+
+    def write(self, data: bytes) -> None:
+        asked = self.commands.count(0x81)
+        super().write(data)
+        self.out += self.hello(name=b"right") * (self.commands.count(0x81) - asked)
+
+
+def test_two_units_on_one_line_are_named(clock: Clock, tmp_path: Path) -> None:
+    def also_sends(device: Rogue, i: int, data: bytes) -> list[bytes]:
+        return [data, device.scan(i + 5000)]
+
+    with pytest.raises(ts.PortError, match="two units answer on one line, 'left' and 'right'"):
+        recorded(BothAnswer(clock, also_sends), tmp_path)
+
+
+def test_scans_that_the_device_began_too_late_are_told_by_its_count(clock: Clock, tmp_path: Path) -> None:
+    def stalls(device: Rogue, i: int, data: bytes) -> list[bytes]:
+        if i % 40 == 39:
+            device.late += 2
+            device.start_s += 0.02
+        return [data]
+
+    device = Rogue(clock, stalls)
+    which, scans, said = recorded(device, tmp_path)
+    assert which == list(range(SCANS))
+    assert (np.diff([r.time_s for r in scans]) > 0.0).all()
+    assert re.search(r"2 scan\(s\) began a period or more too late, says the device", said[0])
+    assert len(said) == 1
+    assert device.commands.count(0x81) <= 1 + SCANS // 40
+
+
 def test_after_a_gap_the_same_unit_goes_on(clock: Clock, tmp_path: Path) -> None:
     def trouble(device: Rogue, i: int, data: bytes) -> list[bytes]:
         return [] if i % 60 in range(30, 50) else [data]

@@ -7,6 +7,7 @@ finds (empirical Bayes), and so have errors of the places.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -93,6 +94,43 @@ def fit_model(
         fits = (_gauss_newton(sensor, runs, c, _HUBER_ITERATIONS, places) for c in starts)
         return max(fits, key=lambda f: f.evidence)
     return _gauss_newton(sensor, runs, first, 0 if old else _HUBER_ITERATIONS, places)
+
+
+def average(fits: Sequence[ModelFit]) -> ModelFit:
+    """Return fits of one model, which differ in what they take the errors of places for, weighted by their evidence.
+
+    Constants are means; variances count how far the fits differ (Hoeting et al. 1999, Bayesian model averaging). The
+    noise, the rows that count and the residuals are those of the likeliest fit.
+    """
+    fits = [f for f in fits if np.isfinite(f.covariance).all()] or list(fits[:1])
+    best = max(fits, key=lambda f: f.evidence)
+    share = np.exp([f.evidence - best.evidence for f in fits])
+    share = share / share.sum()
+
+    def mean(values: Iterable[FloatArray]) -> FloatArray:
+        return np.asarray(sum(p * v for p, v in zip(share, values, strict=True)))
+
+    together = [_together(f.constants) for f in fits]  # (strips, own and shared)
+    centre = mean(together)
+    off = [t - centre for t in together]
+    covariance = mean(f.covariance + d[:, :, None] * d[:, None, :] for f, d in zip(fits, off, strict=True))
+    own = best.constants.own.shape[1]
+    shared = mean(
+        f.shared_sigma**2 + (d[0, own:] ** 2 if len(d) else 0.0) for f, d in zip(fits, off, strict=True)
+    )
+    return replace(
+        best,
+        constants=replace(best.constants, own=centre[:, :own], shared=mean(f.constants.shared for f in fits)),
+        shared_sigma=np.sqrt(shared),
+        own_sigma=np.sqrt(_diagonal(covariance)[:, :own]),
+        covariance=covariance,
+    )
+
+
+def _together(constants: Constants) -> FloatArray:
+    """Return each strip's own parameters, then the shared ones (strips, own and shared)."""
+    shared = np.broadcast_to(constants.shared, (len(constants.own), len(constants.shared)))
+    return np.concatenate([constants.own, shared], axis=1)
 
 
 def usable_rows(runs: Runs) -> BoolArray:
@@ -291,9 +329,9 @@ def jacobian(sensor: Sensor, constants: Constants, l_mm: FloatArray, w_mm: Float
     return np.stack([(predicted(c) - here) / _STEP for c in moves], axis=-1)
 
 
-def _by_place(sensor: Sensor, constants: Constants, runs: Runs) -> FloatArray:
+def jacobian_of_places(sensor: Sensor, constants: Constants, l: FloatArray, w: FloatArray) -> FloatArray:
     """Return the derivatives of raw readings by l and w [1/mm] (signatures, contacts, strips, 2)."""
-    l, w, step = runs.l_mm, runs.w_mm, _STEP * sensor.length_mm
+    step = _STEP * sensor.length_mm
     here, up, longer = (
         np.stack(list(predict(constants, sensor, *place).values()))
         for place in ((l, w), (l + step, w), (l, w + step))
@@ -326,7 +364,7 @@ class _Linear:
         noise = np.broadcast_to(np.diag(sigma**2), (*shape, len(sigma), len(sigma)))
         self.columns = np.zeros((len(sigma), *shape, 0))
         if places is not None:
-            by_place = _by_place(sensor, constants, runs)
+            by_place = jacobian_of_places(sensor, constants, runs.l_mm, runs.w_mm)
             self.columns = places.columns(by_place)
             own = np.moveaxis(places.own(by_place), 0, 2)  # (contacts, strips, signatures, 2)
             noise = noise + own @ np.swapaxes(own, 2, 3)

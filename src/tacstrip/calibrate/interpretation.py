@@ -6,10 +6,12 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from tacstrip.arrays import FloatArray
-from tacstrip.calibrate.fit import fit_model
+from tacstrip.calibrate.fit import ModelFit, fit_model
 from tacstrip.calibrate.goodness import Goodness, assess_fit
+from tacstrip.calibrate.model import predict
 from tacstrip.calibrate.model_selection import fit_planned, planned_model
 from tacstrip.calibrate.residuals import residuals
 from tacstrip.errors import SpecError
@@ -20,6 +22,8 @@ _FAR_BETTER = 1.0 / 3.0  # of the residual as the runs are read: another interpr
 # Times the residual of a usable fit: where the planned model leaves more, no part of it is usable.
 _HOPELESS = 2.0
 _LEAST = 0.003  # over Vref: a residual below this is no misreading
+_SLANTED = 0.1  # of the length, from strip to strip: a press that tells strips apart
+_EXCHANGED = 0.01  # over Vref: a strip whose readings are another's is further off
 _UNITS = {
     10.0: "centimetres",
     1e3: "metres",
@@ -92,6 +96,33 @@ def reversed_order(sensor: Sensor, runs: Runs) -> str:
         f"{100.0 * as_is:.2g} % of Vref as the runs are, and by {100.0 * reversed_:.2g} % with strips counted from "
         "the other side"
     )
+
+
+def exchanged_strips(sensor: Sensor, runs: Runs, fit: ModelFit) -> str:
+    """Say which strips' readings are exchanged, by presses that lie slanted across the strips; "" where none are.
+
+    Bars that lie straight give every strip the same places, and each strip's own constants take up what it reads.
+    A slanted press among them contradicts these constants, and agrees with those of the strip that it was read on.
+    """
+    there = np.isfinite(runs.l_mm).all(axis=1)
+    slanted = there & (np.ptp(np.nan_to_num(runs.l_mm), axis=1) > _SLANTED * sensor.length_mm)
+    if not slanted.any() or (there & ~slanted).sum() <= slanted.sum():
+        return ""
+    constants, strips = fit.constants, sensor.strips
+    off = np.zeros((strips, strips))  # squares, of each strip's readings at each strip's places
+    for place in range(strips):
+        l, w = (np.repeat(v[slanted, place][:, None], strips, axis=1) for v in (runs.l_mm, runs.w_mm))
+        found = predict(constants, sensor, l, w)
+        off[:, place] = np.mean([(runs.raw[n][slanted] - k) ** 2 for n, k in found.items()], axis=(0, 1))
+    right = linear_sum_assignment(off)[1]
+    moved = np.flatnonzero(right != np.arange(strips))
+    alike = max(_EXCHANGED, *(5.0 * sigma for sigma in fit.sigma.values()))
+    if not len(moved) or np.sqrt(off[np.arange(strips), right].max()) > alike:
+        return ""
+    if np.sqrt(np.diag(off)[moved].min()) < alike:
+        return ""
+    pairs = ", ".join(f"{i + sensor.strip_base} is {right[i] + sensor.strip_base}" for i in moved)
+    return f"strips are exchanged, by the presses that lie slanted across them: strip {pairs}"
 
 
 def _interpretations(sensor: Sensor, runs: Runs) -> Iterator[tuple[str, Runs]]:

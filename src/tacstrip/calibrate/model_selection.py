@@ -7,9 +7,9 @@ from itertools import combinations
 
 import numpy as np
 
-from tacstrip.calibrate.fit import ModelFit, fit_model, usable_rows
+from tacstrip.calibrate.fit import ModelFit, average, fit_model, usable_rows
 from tacstrip.calibrate.model import PARTS, Model, apply
-from tacstrip.calibrate.place_errors import possible_errors
+from tacstrip.calibrate.place_errors import PlaceErrors, possible_errors
 from tacstrip.errors import OptionError, ReadingError, SpecError, one_of
 from tacstrip.io.runs import Runs
 from tacstrip.sensor.spec import Sensor
@@ -130,7 +130,7 @@ def select_model(
             break
         now = max(better, key=lambda f: f.evidence)
     chosen = now.constants.model
-    return now, tuple(
+    return search.averaged(now), tuple(
         Trial(name, None, t) if isinstance(t, str)
         else Trial(name, t.evidence - now.evidence, "chosen" if t.constants.model == chosen else "tried")
         for name, t in search.tried.items()
@@ -168,6 +168,19 @@ class Search:
             self.tried[model.name] = fit = likeliest
         return fit
 
+    def averaged(self, fit: ModelFit) -> ModelFit:
+        """Return the fit averaged over what the errors of its places may be, exact places too where none are stated.
+
+        A few presses seldom tell which: deviations of the likeliest one alone would not count that.
+        """
+        errors: list[PlaceErrors | None] = list(possible_errors(self.runs, self.sensor.length_mm))
+        if self.runs.l_sd_mm is None and self.runs.w_sd_mm is None:
+            errors.append(None)
+        start, now = fit.constants, fit.places
+        others = [e for e in errors if not (e is now or (e and now and e.same(now)))]
+        fits = [fit, *(fit_model(start.model, self.sensor, self.runs, start, e) for e in others)]
+        return average(fits)
+
     def attempt(self, model: Model, old: ModelFit | None) -> ModelFit | None:
         """Return the fitted model, None where the runs do not determine it."""
         if model.name not in self.tried:
@@ -198,7 +211,8 @@ def fit_named(text: str, sensor: Sensor, runs: Runs) -> ModelFit:
     fit = fit_model(model, sensor, runs)
     if why := unidentifiable(fit, sensor, runs):
         raise ReadingError(f"the runs do not determine a model {model.name}: {why}")
-    return Search(sensor, runs).place_errors(fit)
+    search = Search(sensor, runs)
+    return search.averaged(search.place_errors(fit))
 
 
 def parse_model(text: str, sensor: Sensor, signatures: tuple[str, ...]) -> Model:

@@ -38,6 +38,10 @@ class PlaceErrors:
     name: str
     stated: bool = True
 
+    def same(self, other: PlaceErrors) -> bool:
+        """Whether the other one says the same of the runs' places."""
+        return self.name == other.name and np.array_equal(self.sd_mm, other.sd_mm)
+
     @property
     def count(self) -> int:
         """How many errors contacts share."""

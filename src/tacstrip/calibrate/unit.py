@@ -11,7 +11,7 @@ from tacstrip.arguments import takes
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.calibrate.fit import ModelFit, jacobian, offsets_at_median, usable_rows
 from tacstrip.calibrate.goodness import Goodness, assess, assess_fit, spoilt
-from tacstrip.calibrate.interpretation import misread, reversed_order
+from tacstrip.calibrate.interpretation import exchanged_strips, misread, reversed_order
 from tacstrip.calibrate.model import Constants, apply, predict
 from tacstrip.calibrate.model_selection import Search, Trial, fit_named, select_model
 from tacstrip.calibrate.offsets import mean_offset_sigma, mean_offsets
@@ -66,6 +66,7 @@ def _contacts(length_mm: float) -> tuple[FloatArray, FloatArray]:
 
 
 _ACCURATE = 0.3  # % of Vref: a calibration that leaves more says so
+_SCALED = 0.05  # a gain that all strips share: converters and clamps make a tenth of it
 _CHANGED = 0.5  # % of Vref: a unit in use stays within, but for its drift
 
 
@@ -172,7 +173,20 @@ class Calibrated:
                 f"{100.0 * good.noise:.2g} %: is the rubber not uniform, or are places not exact? Press more places, "
                 "those of --plan --uneven; state errors of places as l_sd_mm and w_sd_mm"
             )
-        return self.changed or self._inaccurate
+        return self.changed or self._scaled or self._inaccurate
+
+    @property
+    def _scaled(self) -> str:
+        """Ask whether readings that are all too small or too large alike are so in use too; "" where they are not."""
+        gains = [p.value for p in self.parameters if p.name.startswith("gain ")]
+        gain = float(np.median(gains)) if gains else 1.0
+        if abs(gain - 1.0) < _SCALED:
+            return ""
+        return (
+            f"all strips read {gain:.3g} times what the spec's give, which runs alone cannot explain: resistance in "
+            "the supply, or volts by another reference than vref_volt. If only these runs were read so, all later "
+            "readings will be wrong by as much"
+        )
 
     @property
     def _inaccurate(self) -> str:
@@ -254,8 +268,13 @@ def calibrate_unit(
     plain = replace(sensor, calibration=None)
     search = Search(plain, runs)
     if not force:
-        as_read = assess_fit(plain, search.first(), runs)
-        if why := misread(plain, runs, as_read) or reversed_order(sensor, runs):
+        first = search.first()
+        as_read = assess_fit(plain, first, runs)
+        if why := (
+            misread(plain, runs, as_read)
+            or reversed_order(sensor, runs)
+            or exchanged_strips(plain, runs, first)
+        ):
             raise ReadingError(f"{why}. Put it right; if the runs are right as they are, give --force")
     with_means = replace(plain, calibration=mean_offsets(plain, halves))
     fit: ModelFit | None = None

@@ -41,6 +41,7 @@ _MOST_LINES = 20
 @options.flag("--plan", "planned", help="Print the contacts to make; -o writes them as RUNS to fill in.")
 @options.number("--wanted", default=0.2, help="For --plan: accuracy [%].")
 @options.number("--noise", default=0.2, help="For --plan: half-width of a reading's error [%].")
+@options.number("--place-mm", default=0.1, help="For --plan: half-width of a place's error [mm].")
 @options.flag("--uneven", help="For --plan: the rubber may vary along y.")
 @options.number("--unit-mm", help="For --plan: step of the places [mm]; by default L / 32.5.")
 @options.flag("--rezero", "zeroed", help="SENSOR is a calibrated spec, and in place of RUNS stand "
@@ -77,12 +78,13 @@ def command(
     if planned:
         chosen = "" if model == "auto" else model
         noise = Noise(positional=design["noise"] / 100.0)
-        made = plan(spec, design["wanted"], noise, chosen, design["unit_mm"], uneven=design["uneven"])
-        _show_plan(made, spec, design["wanted"])
+        made = plan(spec, design["wanted"], noise, chosen, design["unit_mm"],
+                    uneven=design["uneven"], place_mm=design["place_mm"])  # fmt: skip
+        _show_plan(made, spec, design["wanted"], design["place_mm"])
         if output is not None:
             places = [
                 (s, l, w) for l, w, times in made.contacts for _ in range(times) for s in range(spec.strips)
-            ]
+            ] + [(s, l, 0.0) for s, l in enumerate(made.slanted_mm)]
             write_plan(output, spec, places, unit)
             click.echo(
                 f"{output}: fill in the readings, then: tacstrip calibrate SENSOR {output} -o calibrated.toml"
@@ -142,7 +144,7 @@ def _check_options(planned: bool, zeroed: bool, data: bool) -> None:
         raise OptionError(
             "--rezero needs readings: tacstrip calibrate --rezero CALIBRATED.toml READINGS.csv -o NEW.toml"
         )
-    options.belong(planned, "is for --plan; leave it out", "wanted", "noise", "unit_mm", "uneven")
+    options.belong(planned, "is for --plan; leave it out", "wanted", "noise", "unit_mm", "uneven", "place_mm")
     options.belong(zeroed, "is for --rezero; leave it out", "reference")
     calibrates = data and not zeroed
     options.belong(calibrates, "is of a calibration: give RUNS", "report", "plot", "force")
@@ -150,18 +152,33 @@ def _check_options(planned: bool, zeroed: bool, data: bool) -> None:
     options.belong(not (planned or zeroed), "is a job of its own, or of a calibration: leave it out", "touch")
 
 
-def _show_plan(made: Plan, spec: Sensor, wanted: float) -> None:
+def _show_plan(made: Plan, spec: Sensor, wanted: float, place_mm: float) -> None:
     click.echo(
         f"Contacts across all strips, from l over w, for a model {made.model}:\n     l [mm]    w [mm]  times"
     )
     for l, w, times in made.contacts:
         click.echo(f"{l:11.4g}{w:10.4g}{times:7d}")
+    if made.slanted_mm:
+        click.echo(
+            f"and a thin one, slanted: from l = {made.slanted_mm[0]:.4g} on the first strip to "
+            f"{made.slanted_mm[-1]:.4g} on the last, which shows exchanged strips; fill in where it lies"
+        )
     click.echo(
         f"{made.count} contacts on each of {spec.strips} strips; corrected readings then lie within "
-        f"+-{made.worst_percent:.2g} % of Vref (95 %), the reading's own noise not counted"
+        f"+-{made.promise_percent:.2g} % of Vref (95 %) with places exact to {place_mm:g} mm, the reading's own "
+        "noise not counted"
     )
-    if not made.reached:
-        warn(f"+-{wanted:g} % is not reached; take less noisy readings: the mean of several")
+    if made.floor_percent > wanted:
+        warn(
+            f"+-{wanted:g} % is not reached, and no number of presses reaches it: one signature does not tell how long "
+            f"a contact is, and what rubber that varies by 6 % does depends on that. +-{made.floor_percent:.2g} % "
+            "remains; two layers of rubber (CRS-CRS) have no such limit"
+        )
+    elif not made.reached:
+        warn(
+            f"+-{wanted:g} % is not reached; take less noisy readings, the mean of several, and measure places more "
+            "exactly"
+        )
 
 
 def _show_result(result: Calibrated) -> None:

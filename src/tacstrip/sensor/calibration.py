@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
+from functools import lru_cache
 from typing import Any, Self
 
 import numpy as np
@@ -18,6 +19,9 @@ from tacstrip.sensor.constructions import SIGNATURES
 
 _TEXTS = ("made", "source", "model", "sensor", "unit", "zeroed", "touch")
 _PERCENTS = ("before_percent", "after_percent")
+# Over L: the contacts that a single signature, which does not tell their length, is corrected for on uneven rubber.
+TYPICAL_LENGTHS = (0.0, 0.1, 0.2, 0.3)
+_KNOTS = 33  # of that correction, from 0 to Vref
 _MOST_END = 0.25  # of a strip's resistance: what clamps and leads may have, or a strip's end lie off
 
 
@@ -121,20 +125,27 @@ class Calibration:
         Returns
         -------
         FloatArray
-            Of the same shape, clipped to 0..1; NaN stays NaN. A strip's own scale along y is taken as for a
-            contact without length, and its own ratio is left out: `correct_pair` has both exactly.
+            Of the same shape, clipped to 0..1; NaN stays NaN. A strip's own scale along y is taken as for contacts
+            of `TYPICAL_LENGTHS`, a mean over them (k), or as for one without length (k_h or k_l alone), and its own
+            ratio is left out: `correct_pair` has both exactly.
         """
         k = self.channel(signature).correct(np.asarray(k, dtype=float))
         if self.warp:
-            k = piecewise_map(k, np.array(self.warp), np.array(self.warp_at))
+            even, uneven = self._alone(signature)
+            k = piecewise_map(k, uneven, even)
         return np.clip(k, 0.0, 1.0)
 
     def distort(self, signature: str, k: npt.ArrayLike) -> FloatArray:
         """Return the raw readings that `correct` turns into k, clipped to 0..1; arguments as there."""
         k = np.asarray(k, dtype=float)
         if self.warp:
-            k = piecewise_map(k, np.array(self.warp_at), np.array(self.warp))
+            k = piecewise_map(k, *self._alone(signature))
         return np.clip(self.channel(signature).distort(k), 0.0, 1.0)
+
+    def _alone(self, signature: str) -> tuple[FloatArray, FloatArray]:
+        """Return what a strip of even rubber reads (knots,), and each strip of its own (strips, knots)."""
+        at, warp = np.array(self.warp_at), np.array(self.warp)
+        return _means(self.warp_at, self.warp) if signature == "k" else (at, warp)
 
     def correct_pair(
         self, kh: npt.ArrayLike, kl: npt.ArrayLike, ratio: float
@@ -217,6 +228,19 @@ class Calibration:
             parts += ["", f"[calibration.{channel.signature}]"]
             parts += _lines(channel, [f.name for f in fields(channel)][1:])
         return "\n".join(parts) + "\n"
+
+
+@lru_cache(maxsize=16)
+def _means(warp_at: Numbers, warp: Table) -> tuple[FloatArray, FloatArray]:
+    """Return readings of even rubber (knots,) and of the warped (strips, knots), mean over `TYPICAL_LENGTHS`."""
+    even, at, place = np.linspace(0.0, 1.0, _KNOTS), np.array(warp_at), np.array(warp)
+    total = np.zeros((len(place), _KNOTS))
+    for w in TYPICAL_LENGTHS:
+        l = even * (1.0 - w)  # the contact of this length that reads so
+        ends = (np.broadcast_to(v[:, None], (_KNOTS, len(place))) for v in (l, l + w))
+        low, high = (piecewise_map(end, at, place).T for end in ends)
+        total += low / (1.0 - (high - low))
+    return even, total / len(TYPICAL_LENGTHS)
 
 
 def _lines(holder: Calibration | Channel, names: list[str]) -> list[str]:

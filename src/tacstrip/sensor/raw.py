@@ -40,9 +40,8 @@ def apply_calibration(sensor: Sensor, raw: Mapping[str, FloatArray]) -> dict[str
         Its `calibration`, `rest_volt` and `touch_volt` count.
     raw
         Raw readings over Vref by signature, (strips,) or (scans, strips); wide codes of the converter are corrected
-        first. With k_h and k_l together a strip's own
-        rubber is exact; with one of them it is taken as for a contact without length (`Calibration.correct`). What
-        the spec leaves out (`without`) is NaN.
+        first. With k_h and k_l together a strip's own rubber is exact; with one of them it is taken as for typical
+        contacts (`Calibration.correct`). What the spec leaves out (`without`) is NaN.
     """
     there = touched(sensor, raw)
     values = {name: np.where(there, v, np.nan) for name, v in leave_out(sensor, raw).items()}

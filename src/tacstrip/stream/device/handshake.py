@@ -17,6 +17,7 @@ from tacstrip.stream.device.protocol.messages import Command, Hello, is_name
 
 _ASK_S = 0.5  # between two requests to identify itself
 _READ_S = 0.1
+_BOTH_S = 0.2  # between identifications of two units: nobody changes a plug so fast
 
 
 class WrongDeviceError(PortError):
@@ -95,6 +96,23 @@ def check_unit(hello: Hello, first: Hello) -> None:
                 f"another device is on the port: it has {key} = {now!r}, and the stream began with {before!r}, whose "
                 "spec and calibration are not its own; start again with those of the new one"
             )
+
+
+def check_alone(hello: Hello, first: Hello, since_s: float) -> None:
+    """Raise `WrongDeviceError` where another unit answers so soon after the stream's own that both are on the line.
+
+    Parameters
+    ----------
+    hello, first
+        The latest identification, and that of the device that the stream began with.
+    since_s
+        Since the latter's last one [s].
+    """
+    if since_s < _BOTH_S and hello.unit_name != first.unit_name:
+        raise WrongDeviceError(
+            f"two units answer on one line, {first.unit_name!r} and {hello.unit_name!r} (or were exchanged within "
+            f"{_BOTH_S:g} s): which scan is whose cannot be told; take one of them off the line and start again"
+        )
 
 
 def sensor_of(hello: Hello, sensor: AnySensor | None) -> AnySensor:

@@ -13,7 +13,14 @@ from tacstrip.errors import PortError
 from tacstrip.sensor.layers import AnySensor, LayeredSensor, unit_of
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.device.clocks import DeviceClock, HostClock
-from tacstrip.stream.device.handshake import WrongDeviceError, check_device, check_unit, handshake, sensor_of
+from tacstrip.stream.device.handshake import (
+    WrongDeviceError,
+    check_alone,
+    check_device,
+    check_unit,
+    handshake,
+    sensor_of,
+)
 from tacstrip.stream.device.port import Port
 from tacstrip.stream.device.protocol.decoder import Counts, Decoder
 from tacstrip.stream.device.protocol.frames import Kind
@@ -28,6 +35,8 @@ _READ_S = 0.1  # longest wait for a byte before a stop is noticed
 _SILENT_S = 0.8  # the least time without a scan, and four periods, that count as silence
 _RETRY_S = 0.3  # between two attempts to reopen a port
 _ASK_S = 0.5  # between two requests to identify itself
+_LATE_S = 10.0  # between two requests for the count of late scans
+_LATE = 1.9  # periods from one scan to the next: the device began a period too late
 _START_S = 0.2  # between two commands to start after a hello, least
 _ODD_SCANS = 20  # of another layout than the hello's, in a row, that end the stream
 _FLOOD, _FLOOD_S, _FLOOD_SCANS = 1.5, 0.4, 20  # times the rate asked for, in two windows in a row
@@ -129,8 +138,7 @@ class SerialSource:
         self.sensor, self._wanted = cast(Sensor, own), unit_of(own)  # of two layers what takes one refuses it
         self.names = self.hello.signatures
         self.origin_ns, self._host = time.time_ns(), HostClock()
-        period_us = self.hello.period_us if self._period_us is None else self._period_us
-        self._period_s = max(period_us, self.hello.cycle_us) * 1e-6
+        self._period_s = max(self._wanted_period_us, self.hello.cycle_us) * 1e-6
         self._clock = DeviceClock(self._period_s)
         self._run = 0  # the decoder's count of restarts at the last scan
         self._due: int | None = None  # the number after the last scan's
@@ -141,6 +149,9 @@ class SerialSource:
         self._flood_s, self._flood_scans, self._flooded = 0.0, 0, False
         self._slow_from: _WindowStart | None = None
         self._slow_windows = 0  # in a row
+        self._last_s = 0.0  # the last scan's time by the device's clock
+        self._overslept = False  # a scan began a period too late, since the device was asked how often
+        self._own_s = 0.0  # when the device last identified itself
 
     @property
     def clock(self) -> str:
@@ -151,6 +162,11 @@ class SerialSource:
     def device(self) -> str:
         """The unit's name."""
         return self.hello.unit_name
+
+    @property
+    def _wanted_period_us(self) -> int:
+        """The period asked for, else the device's own [us]; 0: as fast as possible."""
+        return self.hello.period_us if self._period_us is None else self._period_us
 
     @property
     def counts(self) -> Counts:
@@ -185,6 +201,8 @@ class SerialSource:
         self._run, self._due = self._decoder.counts.restarts, None
         patience_s = max(_SILENT_S, 4.0 * self._period_s)
         prompt_s = min(max(_PROMPT_S[0], self._period_s / 5.0), _PROMPT_S[1])
+        asked_s, self._own_s = -_LATE_S, self._host()
+        self._overslept = False
         heard_s, streaming, silent, corrupt = self._host(), False, False, self._decoder.counts.corrupt
         line_was_empty = False  # since the last scans
         identified = False  # the device restarted, identified itself, and has sent no scan since
@@ -199,14 +217,17 @@ class SerialSource:
             line_was_empty |= not data or now_s - began_s > prompt_s
             received = self._decoder.feed(data)
             self.waiting = sum(len(batch) for batch in received if isinstance(batch, ScanBatch))
+            if self._held is not None:  # before they are handed on: may they be of two units?
+                for message in received:
+                    if isinstance(message, Hello):
+                        self._check_identity(message, now_s)
             for message in received:
                 if isinstance(message, Reply):
                     self._troubles.check_reply(message, now_s)
                 if isinstance(message, Command):
                     self._troubles.say("echo", "commands come back on the line: is an echo on?", now_s)
                 if isinstance(message, Hello):
-                    check_unit(message, self.hello)
-                    self._check_supply(message, now_s)
+                    self._check_identity(message, now_s)
                     if not message.streaming:
                         identified = True
                         if streaming:
@@ -236,6 +257,9 @@ class SerialSource:
                 self._repeat_commands(now_s)
             if self._held is not None:
                 self._ask_identity()
+            elif self._overslept and now_s - asked_s > _LATE_S:
+                asked_s, self._overslept = now_s, False
+                self._write(Kind.IDENTIFY)  # the hello holds the count of late scans
             if self._host() - heard_s > patience_s:
                 heard_s = self._host()
                 self._start()
@@ -290,7 +314,9 @@ class SerialSource:
                     yield scans[start:i]
                 start = i
                 self._hold_scans()
-            self._due = raw.sequence + 1
+            late = bool(self._wanted_period_us) and raw.time_s - self._last_s >= _LATE * self._period_s
+            self._overslept |= late and raw.sequence == self._due
+            self._due, self._last_s = raw.sequence + 1, raw.time_s
         yield scans[start:]
 
     def _with_possible_spans(self, batch: ScanBatch, now_s: float) -> list[RawScan]:
@@ -386,6 +412,15 @@ class SerialSource:
             if command.kind == Kind.RATE and command.sequence <= 2:
                 self._write(Kind.RATE, command.period_us)
 
+    def _check_identity(self, hello: Hello, now_s: float) -> None:
+        """Refuse another unit; report a supply that cannot be, and scans that began late."""
+        check_alone(hello, self.hello, now_s - self._own_s)
+        check_unit(hello, self.hello)
+        self._own_s = now_s
+        self._check_supply(hello, now_s)
+        if hello.streaming:
+            self._troubles.check_late(hello.late, now_s)
+
     def _check_supply(self, hello: Hello, now_s: float) -> None:
         """Report a supply that cannot be the spec's Vref; 0 is one that was not measured."""
         vref_volt, supply_volt = unit_of(self.sensor).vref_volt, 1e-3 * hello.supply_mv
@@ -410,7 +445,7 @@ class SerialSource:
 
         `line_was_empty`: the reader was waiting for these scans. Else the device may have waited for the reader.
         """
-        period_us = self.hello.period_us if self._period_us is None else self._period_us
+        period_us = self._wanted_period_us
         newest = _WindowStart(int(batch.sequence[-1]), 1e-6 * int(batch.time_us[-1]), now_s, batch.restarts)
         start = self._slow_from
         if not line_was_empty or start is None or start.run != newest.run or self._clock.fault:

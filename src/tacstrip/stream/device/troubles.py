@@ -41,6 +41,7 @@ class Troubles:
         self._told = Counts()
         self._told_s: dict[str, float] = {}
         self._asked: dict[int, tuple[Command, float]] = {}
+        self._late = 0
 
     def reconnected(self) -> None:
         """Forget the commands that were not answered."""
@@ -61,6 +62,15 @@ class Troubles:
             if more > 0 and now_s - self._told_s.get(kind, -_AGAIN_S) >= _AGAIN_S:
                 self.say(kind, words.format(more), now_s)
                 self._told = self._told._replace(**{kind: getattr(counts, kind)})
+
+    def check_late(self, late: int, now_s: float) -> None:
+        """Report scans that began late by the device's own count since its start."""
+        if late > self._late:
+            text = (
+                f"{late} scan(s) began a period or more too late, says the device: it cannot keep this rate"
+            )
+            self.say("late", f"{text}; ask for a lower one", now_s)
+        self._late = late
 
     def asked(self, command: Command, now_s: float) -> None:
         """Note that a command was sent."""
