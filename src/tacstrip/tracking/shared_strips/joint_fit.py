@@ -180,7 +180,7 @@ def evidence(
 def _solved(
     scans: HullScans, scene: Scene, rows: BoolArray, anchors: Sequence[int], tolerance_mm: float = 0.0
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the factor of the poses' equations, how poses follow corners, and eigenpairs of the corners' information."""
+    """Return the factor of the poses' equations, how poses follow corners, and eigenpairs of the corners' matrix."""
     from scipy.linalg import cho_solve_banded, cholesky_banded
 
     found, width = _information(scans, scene, tolerance_mm), 3 * len(scene.outlines)
