@@ -179,7 +179,11 @@ def test_two_that_stay_beside_each_other_are_not_one_that_replaces_them() -> Non
     [
         ("ten", 11, 2),  # lone scans of the first prefer an outline 5 mm off that turns the other way
         ("ten", 31, 11),  # a least cost 4 below the truth's, on another outline
-        ("ten", 60, 9),  # hidden for the most part, one may turn by 70 degrees more, but not as smoothly as alone
+        (
+            "ten",
+            60,
+            9,
+        ),  # hidden for the most part, one may turn by 70 degrees more, but not as smoothly as alone
         ("three", 31, 1),  # an edge lies along a strip's centre line, where its slope is no bound
     ],
 )
