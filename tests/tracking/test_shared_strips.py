@@ -174,13 +174,37 @@ def test_two_that_stay_beside_each_other_are_not_one_that_replaces_them() -> Non
     assert all(one.solved for one in score(scene, tracks))
 
 
+@pytest.mark.parametrize(
+    ("name", "seed", "case"),
+    [
+        ("ten", 11, 2),  # lone scans of the first prefer an outline 5 mm off that turns the other way
+        ("ten", 31, 11),  # a least cost 4 below the truth's, on another outline
+        (
+            "ten",
+            60,
+            9,
+        ),  # hidden for the most part, one may turn by 70 degrees more, but not as smoothly as alone
+        ("three", 31, 1),  # an edge lies along a strip's centre line, where its slope is no bound
+    ],
+)
+def test_scans_with_another_about_decide_what_is_left_open(name: str, seed: int, case: int) -> None:
+    """Of ten strips lone scans and the least cost leave shapes and ways open."""
+    random = np.random.default_rng([seed, list(SETS).index(name), case])
+    scene = draw(name, random)
+    tracks = ts.track(scene.scans(random), scene.unit.sensor, NOISE)
+    assert all(one.solved for one in score(scene, tracks))
+
+
 def test_rivals_that_are_alike_are_named_once() -> None:
-    """Three outlines of a square: moved by 2 mm, by 2.1 mm, and as it is found."""
+    """Outlines of a square: moved by 2 mm, by 2.1 mm, by 4 mm, and as it is found; those most unlike first."""
     square, poses = 20.0 * np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]), np.zeros((3, 3))
 
     def wider(by: float) -> Fit:
         return Fit(square + np.array([(0.0, 0.0), (by, 0.0), (by, 0.0), (0.0, 0.0)]), poses, np.zeros(3))
 
-    found = Found(wider(0.0), np.arange(3), ((wider(2.1), 3.0), (wider(2.0), 1.0), (wider(0.1), 0.0)))
-    (other,) = found.unlike(0.5)
-    assert np.ptp(other, axis=0) == pytest.approx((22.0, 20.0))
+    rivals = ((wider(2.1), 3.0), (wider(2.0), 1.0), (wider(4.0), 9.0), (wider(0.1), 0.0))
+    scans = RigidScans(ten_strips(), ("kh", "kl"), np.full((3, 2, 10), 0.3), 0.003)
+    far, near = Found(wider(0.0), np.arange(3), rivals).unlike(scans, 0.5)
+    assert np.ptp(far.corners, axis=0) == pytest.approx((24.0, 20.0))
+    assert np.ptp(near.corners, axis=0)[0] in (pytest.approx(22.0), pytest.approx(22.1))
+    assert far.poses.shape == (3, 3)

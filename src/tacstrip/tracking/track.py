@@ -398,7 +398,10 @@ class Object:
             [self.shown[i] for i in order],
             fit.poses[order],
             self.scans.k[order],
-            tuple(self.found.unlike(_TOLD * self.scans.sensor.pitch_mm)),
+            tuple(
+                (f.corners, f.poses[order])
+                for f in self.found.unlike(self.scans, _TOLD * self.scans.sensor.pitch_mm)
+            ),
         )
 
     @property

@@ -14,7 +14,7 @@ from tacstrip.tracking.rigid.smooth_path import centres, fit_corners
 FEWEST, FIRST, _FIRST_TIED = 3, 9, 12  # corners; from how many a rough outline is pruned
 _TRIED = 3  # corners that are taken away by turns
 # Price of a corner for the ten places where one too many may fit the noise.
-_PLACES = 2.0 * float(np.log(10.0))
+PLACES = 2.0 * float(np.log(10.0))
 _SURE = 8.0  # times what a corner must gain: there is no need to try without it
 # Times the best criterion, and more: a cost of fewer corners that ends the pruning.
 _HOPELESS, _MARGIN = 3.0, 300.0
@@ -70,7 +70,7 @@ class Fit:
         """Return what fits are compared by: extended BIC, of corners that could be at any of some places."""
         knots = 0 if self.basis is None else 3 * self.basis.shape[1]
         numbers = 2.0 * len(self.corners) + knots
-        return self.cost + numbers * float(np.log(scans.readings.sum())) + _PLACES * len(self.corners)
+        return self.cost + numbers * float(np.log(scans.readings.sum())) + PLACES * len(self.corners)
 
     def freedom(self, scans: RigidScans) -> int:
         """Return the readings beyond the numbers fitted."""
@@ -236,13 +236,13 @@ def _more(scans: RigidScans, fit: Fit) -> Fit | None:
     """Return the best fit of one corner more, from all edges; of tied poses from all corners, each cut off."""
     if len(fit.corners) == MOST_CORNERS:
         return None
-    starts = _edges_bent(fit.corners) if fit.basis is None else corners_cut(fit.corners)
+    starts = edges_bent(fit.corners) if fit.basis is None else corners_cut(fit.corners)
     tries = [fitted(scans, start, fit.poses, 15, basis=fit.basis) for start in starts]
     near = sorted(tries, key=lambda f: f.cost)[:_TRIED]
     return min((unstuck(scans, settled(scans, f, 2)) for f in near), key=lambda f: f.cost)
 
 
-def _edges_bent(corners: FloatArray) -> list[FloatArray]:
+def edges_bent(corners: FloatArray) -> list[FloatArray]:
     """Return outlines with a corner more, a little outside of an edge, near the one and near the other end of it."""
     along = np.roll(corners, -1, axis=0) - corners
     x, y = corners.T
@@ -290,7 +290,7 @@ def explored(scans: RigidScans, fit: Fit) -> list[Fit]:
     """
     ends, soft = list[Fit](), 0.05 * scans.sensor.pitch_mm
     for _ in range(_EXPLORED):
-        starts = _along_the_open(scans, fit)
+        starts = _open_starts(scans, fit)
         if reflex(fit.corners).any():
             starts += _moved(fit.corners, scans)
         tries = [fitted(scans, start, fit.poses, 8, soft, 5.0, fit.basis) for start in starts]
@@ -337,13 +337,18 @@ def _moved(corners: FloatArray, scans: RigidScans) -> list[FloatArray]:
     return found
 
 
-def _along_the_open(scans: RigidScans, fit: Fit) -> list[FloatArray]:
-    """Return an outline moved by little and by much along what the readings tell least of it."""
+def _open_starts(scans: RigidScans, fit: Fit) -> list[FloatArray]:
+    """Return a fit's outline moved by little and by much along what the readings tell least of it."""
     found = information(scans, fit.corners, fit.poses)
-    value, vector = np.linalg.eigh(covariances(found, fit.corners, fit.poses, fit.basis)[0])
-    farthest = _FARTHEST * float(np.ptp(fit.corners, axis=0).max())
+    return along_the_open(fit.corners, covariances(found, fit.corners, fit.poses, fit.basis)[0])
+
+
+def along_the_open(corners: FloatArray, covariance: FloatArray) -> list[FloatArray]:
+    """Return an outline moved by little and by much along what its covariance says is told least."""
+    value, vector = np.linalg.eigh(covariance)
+    farthest = _FARTHEST * float(np.ptp(corners, axis=0).max())
     return [
-        fit.corners + np.clip(by * np.sqrt(value[-i]), -farthest, farthest) * vector[:, -i].reshape(-1, 2)
+        corners + np.clip(by * np.sqrt(value[-i]), -farthest, farthest) * vector[:, -i].reshape(-1, 2)
         for i in range(1, min(_OPEN, len(value) - 3) + 1)
         for by in _DEVIATIONS
     ]
@@ -380,7 +385,7 @@ def not_sure(scans: RigidScans, fit: Fit, found: Equations) -> IntArray:
 
 def _price(scans: RigidScans) -> float:
     """Return what a corner costs by `Fit.criterion`."""
-    return 2.0 * float(np.log(scans.readings.sum())) + _PLACES
+    return 2.0 * float(np.log(scans.readings.sum())) + PLACES
 
 
 def poses_all_round(

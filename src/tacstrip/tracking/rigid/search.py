@@ -44,12 +44,13 @@ _NEAR = 6  # fits that are tried on the best of them
 LEAST_STRIPS = 3  # that a scan touches: fewer tell hardly more than a pose
 FEW_STRIPS = 12  # that read an outline at few places, the same ones as long as it does not move across them
 _KEPT, _KEPT_TIED = 3, 8  # paths that are made polygons of; of one signature of few strips
-_FEW_A_SCAN = (
+FEW_A_SCAN = (
     6  # strips: scans that touch fewer explain one another at many wrong turns, so that all are tried
 )
 _EXPLORED = 3  # rounds of looking beside a fit, as long as that finds a better one
 # polygons that are settled, and of these recounted, where none of all turns explains the scans
 _SETTLED, _RECOUNTED = 12, 3
+_BASINS = 24  # polygons of all turns that are settled for rivals
 _SATISFIED = 1.15  # of the freedom: a chi square that ends the search
 _ALARM, _HARDLY_MORE = 3.5, 1.05  # deviations of chi square, and times the freedom
 _WITHIN = 8.0  # of the best criterion: fits that explain the readings as well
@@ -119,14 +120,20 @@ class Found:
             (float(shapely.Polygon(o).buffer(0).hausdorff_distance(own)) for o, _ in self.others), default=0.0
         )
 
-    def unlike(self, least_mm: float) -> list[FloatArray]:
-        """Return the rivals' corners in the fit's frame, the likeliest first, without those that one before is like."""
-        kept, shapes = list[FloatArray](), [shapely.Polygon(self.fit.corners).buffer(0)]
-        for outline, _ in sorted(self.others, key=lambda pair: -pair[1]):
-            shape = shapely.Polygon(outline).buffer(0)
-            if min(float(shape.hausdorff_distance(s)) for s in shapes) > least_mm:
-                kept.append(outline)
-                shapes.append(shape)
+    def unlike(self, scans: RigidScans, least_mm: float) -> list[Fit]:
+        """Return the rivals with poses of all scans, each the one that is most unlike the fit and those before it."""
+        others = [
+            (fit, shapely.Polygon(o).buffer(0))
+            for (fit, _), (o, _) in zip(self.rivals, self.others, strict=True)
+        ]
+        kept, shapes = list[Fit](), [shapely.Polygon(self.fit.corners).buffer(0)]
+        apart = [float(shape.hausdorff_distance(shapes[0])) for _, shape in others]
+        while apart and max(apart) > least_mm:
+            fit, shape = others[int(np.argmax(apart))]
+            kept.append(with_all_poses(scans, self.chosen, fit))
+            apart = [
+                min(a, float(s.hausdorff_distance(shape))) for a, (_, s) in zip(apart, others, strict=True)
+            ]
         return kept
 
     def of_other_count(self, least_mm: float) -> int:
@@ -300,7 +307,7 @@ def rigid_stretch(starts: Starts, distribution: str, effort: int = 0) -> Found |
     """
     scans = starts.scans
     plain = not starts.erratic and not needs_smooth_motion(scans)
-    few = plain and scans.strips_touched < _FEW_A_SCAN
+    few = plain and scans.strips_touched < FEW_A_SCAN
     if plain and (few or effort == 0) and starts.hopeless:
         return None
     if effort > 1:
@@ -317,7 +324,8 @@ def rigid_stretch(starts: Starts, distribution: str, effort: int = 0) -> Found |
 def _on_all_turns(starts: Starts, distribution: str) -> Found:
     """Return the best fit from the outlines of all turns, however badly these explain the scans while they are rough.
 
-    Then from beside it, too: which side of a strip a corner passes, few strips hardly tell.
+    Then from beside it, too: which side of a strip a corner passes, few strips hardly tell. Rivals may be worse than
+    elsewhere: few strips decide little, and scans with others about may decide.
     """
     scans = starts.scans
     found = _polygons(starts, scans, starts.best(_FINE_TURNS, len(_FINE_TURNS)), distribution)
@@ -326,7 +334,17 @@ def _on_all_turns(starts: Starts, distribution: str) -> Found:
         found = _compared(scans, [*fits, *explored(scans, found.fit)], distribution)
         if found.fit.criterion(scans) > least - 0.5:
             break
-    return found
+    rough = _roughly(starts, _BASINS)
+    ends = [_on_all(scans, starts.chosen, fit) for fit in rough]
+    return _compared(scans, [found.fit, *(f for f, _ in found.rivals), *ends], distribution, _WITHIN_KINKS)
+
+
+def _roughly(starts: Starts, kept: int) -> list[Fit]:
+    """Return the best polygons of all turns, not settled yet."""
+    fits = starts.pruned(starts.best(_FINE_TURNS, len(_FINE_TURNS)))
+    return sorted((f for f in fits if _plausible(starts.few, f)), key=lambda f: f.criterion(starts.few))[
+        :kept
+    ]
 
 
 def _counted(starts: Starts, distribution: str) -> Found | None:
@@ -334,9 +352,7 @@ def _counted(starts: Starts, distribution: str) -> Found | None:
 
     With a corner too many or too few they stay far from any good fit. `FIRST` corners and more explain anything.
     """
-    scans, turns = starts.scans, starts.best(_FINE_TURNS, len(_FINE_TURNS))
-    rough = [f for f in starts.pruned(turns) if _plausible(starts.few, f)]
-    rough = sorted(rough, key=lambda f: f.criterion(starts.few))[:_SETTLED]
+    scans, rough = starts.scans, _roughly(starts, _SETTLED)
     fits = sorted((_on_all(scans, starts.chosen, f) for f in rough), key=lambda f: f.criterion(scans))
     for settled_fit in fits[:_RECOUNTED]:
         fit = recounted(scans, settled_fit)[0]
@@ -455,10 +471,10 @@ def _polygons(
     return replace(_compared(scans, [_on_all(scans, chosen, f) for f in fits], distribution), starts=starts)
 
 
-def _compared(scans: RigidScans, fits: list[Fit], distribution: str) -> Found:
+def _compared(scans: RigidScans, fits: list[Fit], distribution: str, within: float = _WITHIN) -> Found:
     """Return the best of fits of all scans, without corners that it does not need, and those that are about as good."""
     every = sorted(fits, key=lambda f: f.criterion(scans))
-    best, within = every[0], _WITHIN
+    best = every[0]
     if best.cost < _WORTH_SETTLING * best.freedom(scans):
         best, counts = recounted(scans, best)
         every += counts
@@ -467,7 +483,7 @@ def _compared(scans: RigidScans, fits: list[Fit], distribution: str) -> Found:
             first, *others = explored(scans, best)
             best, counts = recounted(scans, first) if first is not best else (best, [])
             every = [*every, *others, *counts]
-            within = _WITHIN_KINKS if concave else _WITHIN
+            within = _WITHIN_KINKS if concave else within
     rivals = list[tuple[Fit, float]]()
     for fit in sorted(every, key=lambda f: f.criterion(scans)):
         worse = fit.criterion(scans) - best.criterion(scans)

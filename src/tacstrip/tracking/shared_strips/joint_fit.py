@@ -1,6 +1,6 @@
 """Outlines and poses of several objects in many scans at once: joint least squares with a mild prior on the motion.
 
-The prior is on second differences of the poses and only where objects share strips, so that a direction which no strip
+The prior is on second differences of the poses, as smooth as the readings ask for, so that a direction which no strip
 reads goes on as it went. All scans share the outlines; the poses of neighbouring scans hang together by the prior,
 so that their equations are banded, and eliminating them costs in proportion to the number of scans.
 """
@@ -16,6 +16,7 @@ from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.core.binding import Loss
 from tacstrip.core.hull import HullScans, hull_equations
 from tacstrip.core.rigid import DAMPING, EASED, HOPELESS, LEAST, PINNED, Equations, loss
+from tacstrip.tracking.rigid.covariance import UPRIGHT, rigid_motions
 
 _DONE = 0.02  # gain in chi square that ends a descent
 _AT_ONCE = 64  # scans whose covariances are found together
@@ -57,9 +58,7 @@ class Scene:
     @property
     def bends(self) -> BoolArray:
         """Whether the prior holds an object's three poses from each scan on (T - 2, K)."""
-        three = self.present[:-2] & self.present[1:-1] & self.present[2:]
-        several = self.present.sum(axis=1) > 1
-        return np.asarray(three & (several[:-2] | several[1:-1] | several[2:])[:, None])
+        return np.asarray(self.present[:-2] & self.present[1:-1] & self.present[2:])
 
 
 def fitted(
@@ -112,29 +111,15 @@ def pose_covariances(
     shown
         Numbers of the scans wanted.
     """
-    from scipy.linalg import cho_solve_banded, cholesky_banded  # late, as the splines of rigid objects
+    from scipy.linalg import cho_solve_banded  # late, as the splines of rigid objects
 
-    bends = scene.bends & rows[1:-1, None] & rows[2:, None]
-    found = _equations(scans, scene, loss(scans.scans))
+    factor, by_corner, value, vector = _solved(scans, scene, rows, anchors)
+    pinned = vector / value @ vector.T
     many, count, width = len(scene.poses), len(scene.outlines), 3 * len(scene.outlines)
-    band = _banded(found, scene, bends)
-    for k, anchor in enumerate(anchors):
-        band[0, anchor * width + 3 * k : anchor * width + 3 * k + 3] += PINNED
-    band[0] += LEAST
-    factor = cholesky_banded(band, lower=True, check_finite=False)
-    mixed = found.mixed.reshape(many * width, -1)
-    by_corner = cho_solve_banded((factor, True), mixed, check_finite=False)
-    matrix = found.shape - mixed.T @ by_corner
-    value, vector = np.linalg.eigh(0.5 * (matrix + matrix.T))
-    anywhere = max(float(np.ptp(o)) for o in scene.outlines) ** 2  # what the readings do not hold at all
-    pinned = vector / np.maximum(value, 1.0 / anywhere) @ vector.T
     as_motion = np.zeros((count, 3, pinned.shape[0]))
     first = 0
     for k, outline in enumerate(scene.outlines):
-        rigid = np.zeros((outline.size, 3))
-        rigid[::2, 0] = rigid[1::2, 1] = 1.0
-        rigid[::2, 2], rigid[1::2, 2] = -outline[:, 1], outline[:, 0]
-        as_motion[k, :, first : first + outline.size] = np.linalg.pinv(rigid)
+        as_motion[k, :, first : first + outline.size] = np.linalg.pinv(rigid_motions(outline))
         first += outline.size
     cov = np.full((many, count, 3, 3), np.nan)
     for start in range(0, len(shown), _AT_ONCE):
@@ -152,6 +137,80 @@ def pose_covariances(
                 by = turned @ as_motion[k] - by_corner[scan * width + 3 * k : scan * width + 3 * k + 3]
                 cov[scan, k] = own[at, at] + by @ pinned @ by.T
     return cov
+
+
+def outline_covariances(
+    scans: HullScans, scene: Scene, rows: BoolArray, anchors: Sequence[int]
+) -> list[FloatArray]:
+    """Return the covariance of each outline's corners (2 N, 2 N) [mm^2], of the shape alone, by all scans.
+
+    Arguments as of `pose_covariances`.
+    """
+    _, _, value, vector = _solved(scans, scene, rows, anchors)
+    pinned, found, first = vector / value @ vector.T, list[FloatArray](), 0
+    for outline in scene.outlines:
+        rigid, own = rigid_motions(outline), slice(first, first + outline.size)
+        inner = np.eye(outline.size) - rigid @ np.linalg.pinv(rigid)
+        found.append(inner @ pinned[own, own] @ inner.T)
+        first += outline.size
+    return found
+
+
+def evidence(
+    scans: HullScans,
+    scene: Scene,
+    rows: BoolArray,
+    anchors: Sequence[int],
+    anywhere_mm: float,
+    tolerance_mm: float = 0.0,
+) -> float:
+    """Return minus twice the logarithm of how likely the readings are with any poses and corners near these.
+
+    Laplace's approximation, but for a constant, of scenes with the same objects in each scan. The least cost tells
+    little of scenes with so many poses: a narrow minimum between kinks takes up noise. A corner lies anywhere within
+    `anywhere_mm`. Other arguments as of `pose_covariances`; `tolerance_mm` of edges widens minima.
+    """
+    factor, _, value, _ = _solved(scans, scene, rows, anchors, tolerance_mm)
+    bends = scene.bends & rows[1:-1, None] & rows[2:, None]
+    motion = (bends.sum(axis=0)[:, None] * np.log(scene.motion)).sum()
+    corners = len(value) * np.log(anywhere_mm**2 / (2.0 * np.pi))
+    return float(scene.cost + 2.0 * motion + 2.0 * np.log(factor[0]).sum() + np.log(value).sum() + corners)
+
+
+def _solved(
+    scans: HullScans, scene: Scene, rows: BoolArray, anchors: Sequence[int], tolerance_mm: float = 0.0
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the factor of the poses' equations, how poses follow corners, and eigenpairs of the corners' matrix."""
+    from scipy.linalg import cho_solve_banded, cholesky_banded
+
+    found, width = _information(scans, scene, tolerance_mm), 3 * len(scene.outlines)
+    band = _banded(found, scene, scene.bends & rows[1:-1, None] & rows[2:, None])
+    for k, anchor in enumerate(anchors):
+        band[0, anchor * width + 3 * k : anchor * width + 3 * k + 3] += PINNED
+    anywhere = max(float(np.ptp(o)) for o in scene.outlines) ** 2  # what the readings do not hold at all
+    band[0].reshape(-1, 3)[:] += 1.0 / anywhere, 1.0 / anywhere, 1.0
+    factor = cholesky_banded(band, lower=True, check_finite=False)
+    mixed = found.mixed.reshape(len(scene.poses) * width, -1)
+    by_corner = cho_solve_banded((factor, True), mixed, check_finite=False)
+    matrix = found.shape - mixed.T @ by_corner
+    value, vector = np.linalg.eigh(0.5 * (matrix + matrix.T))
+    return factor, by_corner, np.maximum(value, 1.0 / anywhere), vector
+
+
+def _information(scans: HullScans, scene: Scene, tolerance_mm: float) -> Equations:
+    """Return the equations, scans weighed less in which an upright edge passes a strip: it never holds for long."""
+    how = loss(scans.scans, tolerance_mm)
+    found = _equations(scans, scene, how)
+    steepest = (UPRIGHT / (scans.scans.sensor.length_mm * scans.scans.sigma)) ** 2
+    slopes = np.diagonal(found.pose, axis1=1, axis2=2)[:, ::3].max(axis=1)
+    if not (slopes > steepest).any():
+        return found
+    weight, shape = np.minimum(1.0, steepest / np.maximum(slopes, steepest)), np.zeros_like(found.shape)
+    for i, by in enumerate(weight):
+        one = replace(scene, poses=scene.poses[[i]], present=scene.present[[i]])
+        shape += by * _equations(scans.of([i]), one, how).shape
+    by = weight[:, None, None]
+    return replace(found, pose=by * found.pose, mixed=by * found.mixed, shape=shape)
 
 
 def expected(scene: Scene, rows: BoolArray) -> tuple[FloatArray, FloatArray]:

@@ -15,8 +15,17 @@ from tacstrip.core.rigid import RigidScans, loss
 from tacstrip.geometry.pose import in_frame, placed
 from tacstrip.reconstruction.polygon.goodness_of_fit import chi_square_score
 from tacstrip.sensor.spec import Sensor
+from tacstrip.tracking.rigid.corners import FEWEST, FIRST, PLACES, along_the_open, edges_bent, faintest
+from tacstrip.tracking.rigid.search import FEW_A_SCAN
 from tacstrip.tracking.shared_strips.beam import SAME, Way, ways
-from tacstrip.tracking.shared_strips.joint_fit import Scene, expected, fitted, pose_covariances
+from tacstrip.tracking.shared_strips.joint_fit import (
+    Scene,
+    evidence,
+    expected,
+    fitted,
+    outline_covariances,
+    pose_covariances,
+)
 
 _BEFORE = 4  # scans before a window that its beam begins with
 _CANDIDATES = 3  # of each direction that are fitted
@@ -42,7 +51,10 @@ _JERKS = 2.0  # motion that costs so many times what is expected is less smooth 
 _MISSED = 4.0  # of chi square that an object must gain to be there
 _ALIKE, _APART = 10.0, 0.03  # of chi square, and of the size: another way that explains as well
 _GUESSES = 2  # rivals that are followed by where the outlines found explain too little
-_RIVALS, _BETTER = 5, 6.0  # outlines that are tried against the one found, and how much better one must be
+_RIVALS, _BETTER = 3, 6.0  # outlines that are tried against the one found, and how much better one must be
+_SLOPE = 10  # scans alone that tell how a rival's way parts from the one found
+_EXPLORED, _SETTLED = 3, 6  # rounds of looking beside outlines, and descents of each that are settled
+_SAME = 0.003  # of the size: outlines that differ by less are one
 _HELD, _HELD_ANGLE = 0.017, 0.035  # deviations of a pose that is held: of the size, and [rad]
 _WRONG = 0.02  # of the poses: where more are probably off by two such deviations and more, it is said
 _HIDDEN = (
@@ -81,6 +93,8 @@ _ASTRAY = (
     *((sign * 0.06, 0.0, 0.0) for sign in (1.0, -1.0)),
     *((0.0, sign * 0.06, 0.0) for sign in (1.0, -1.0)),
 )  # of the size, and [rad]: how far an object may have gone astray while others hid most of it
+_HALVED = 4  # times that the deviations of the motion are
+_WIDER = 0.005  # of the size: tolerance of edges of minima that are compared
 _NEVER = 100.0  # of chi square beyond the best: a descent that rests there, with the outlines as they are, is given up
 
 
@@ -99,14 +113,15 @@ class Alone:
     readings
         Its own (M, S, n), NaN elsewhere.
     rivals
-        Other outlines in the same frame that explain these as well.
+        Other outlines that explain these about as well, each in a frame of its own, and their poses (M, 3): those most
+        unlike first.
     """
 
     corners: FloatArray
     scans: list[int]
     poses: FloatArray
     readings: FloatArray
-    rivals: tuple[FloatArray, ...] = ()
+    rivals: tuple[tuple[FloatArray, FloatArray], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +174,8 @@ class _Rows:
     outlines: tuple[FloatArray, ...]
     motion: FloatArray
     alone: BoolArray  # (R, K): known before
-    rivals: tuple[tuple[FloatArray, ...], ...]  # of each outline, as `Alone.rivals`
+    rivals: tuple[tuple[tuple[FloatArray, FloatArray], ...], ...]  # of each outline, as `Alone.rivals`
+    scans: tuple[list[int], ...]  # as `Alone.scans`
 
     @property
     def follows(self) -> BoolArray:
@@ -212,8 +228,8 @@ def _guesses(known: Sequence[Alone]) -> Iterator[Sequence[Alone]]:
     others = [(i, k, rival) for k, one in enumerate(known) for i, rival in enumerate(one.rivals)]
     for _, k, rival in sorted(others, key=lambda other: other[:2])[:_GUESSES]:
         own = known[k]
-        rest = tuple(o for o in (own.corners, *own.rivals) if o is not rival)
-        yield [*known[:k], replace(own, corners=rival, rivals=rest), *known[k + 1 :]]
+        rest = ((own.corners, own.poses), *(o for o in own.rivals if o is not rival))
+        yield [*known[:k], replace(own, corners=rival[0], poses=rival[1], rivals=rest), *known[k + 1 :]]
 
 
 def _followed(
@@ -242,45 +258,172 @@ def _followed(
         scene = _settled(_some(rows, chosen), _scene(rows, chosen))
     scene = _trimmed(_some(rows, chosen), scene, np.asarray(~rows.alone[chosen].any(axis=1)))
     some = _some(rows, chosen)
-    kept: list[list[tuple[FloatArray, float]]] = [[] for _ in part]
+    scene, rivals = _smoother(some, scene), list[Scene]()
     for k in np.flatnonzero(part):
-        scene, kept[k] = _against_rivals(some, scene, int(k), known[int(k)].rivals)
-    scene, others = _astray(some, chosen, scene, part)
-    return _shared(rows, chosen, scene, part, alike + others, kept, distribution)
+        scene, *more = _against_rivals(some, scene, int(k))
+        rivals += more
+    scene, *more = _explored(some, scene, part)
+    scene, rivals = _smoother_too(some, scene, [*rivals, *more])
+    scene, *more = _astray(some, scene, part)
+    rivals += more
+    outlines = _of_rivals(some, scene, rivals)
+    alike += _other_ways(some, chosen, scene, rivals)
+    return _shared(rows, chosen, scene, part, alike, outlines, distribution)
 
 
-def _against_rivals(
-    some: _Rows, scene: Scene, k: int, rivals: Sequence[FloatArray]
-) -> tuple[Scene, list[tuple[FloatArray, float]]]:
-    """Return the scene with the outline of an object that explains all scans best, and which others do as well."""
-    price = 2.0 * float(np.log(some.hull.scans.readings.sum()))
-    tried = [scene]
-    for rival in rivals[:_RIVALS]:
-        outlines = tuple(rival if i == k else o for i, o in enumerate(scene.outlines))
-        soft, trial = _SOFT * float(some.sizes.max()), replace(scene, outlines=outlines)
+def _smoother(some: _Rows, scene: Scene) -> Scene:
+    """Return the scene with the motion as smooth as makes the readings likeliest."""
+    least = _criterion(some, scene)
+    for _ in range(_HALVED):
+        trial = fitted(some.hull, replace(scene, motion=0.5 * scene.motion), some.follows, 15)
+        trial = _settled(some, trial, 1)
+        criterion = _criterion(some, trial)
+        if not criterion < least:
+            break
+        scene, least = trial, criterion
+    return scene
+
+
+def _smoother_too(some: _Rows, scene: Scene, others: list[Scene]) -> tuple[Scene, list[Scene]]:
+    """Return the scene as `_smoother`, and others that explain all about as well with motion as smooth."""
+    least, smooth = _criterion(some, scene) + 2.0 * _ALIKE, _smoother(some, scene)
+    others = [other for other in others if _criterion(some, other) < least]
+    if smooth is scene:
+        return scene, others
+    return smooth, [
+        fitted(some.hull, replace(other, motion=smooth.motion), some.follows, 15) for other in others
+    ]
+
+
+def _other_ways(some: _Rows, chosen: IntArray, scene: Scene, others: Sequence[Scene]) -> list[_Elsewhere]:
+    """Return the other scenes that explain all as well."""
+    least = _criterion(some, scene) + _ALIKE
+    return [_Elsewhere(chosen, s.outlines, s.poses, s.present) for s in others if _criterion(some, s) < least]
+
+
+def _criterion(some: _Rows, scene: Scene) -> float:
+    """Return what scenes with the same objects in each scan are compared by."""
+    size = float(some.sizes.max())
+    return evidence(some.hull, scene, some.follows, _anchors(some), size, _WIDER * size)
+
+
+def _against_rivals(some: _Rows, scene: Scene, k: int) -> list[Scene]:
+    """Return the scene and those with a rival of an outline, the one first that explains all scans best."""
+    tried, soft = [scene], _SOFT * float(some.sizes.max())
+    for corners, poses in some.rivals[k][:_RIVALS]:
+        trial = _straight_on(some, scene, k, corners, poses)
         trial = fitted(some.hull, trial, some.follows, 8, soft, _CAUCHY, shapes=False)
         trial = _settled(some, trial, 1, soft, shapes=False)
         trial = fitted(some.hull, trial, some.follows, 8, soft)
         tried.append(_settled(some, fitted(some.hull, trial, some.follows), 1))
-    criteria = np.array([s.cost + price * len(s.outlines[k]) for s in tried])
+    criteria = np.array([_criterion(some, s) for s in tried])
     criteria[1:] += _BETTER  # what was found first stays unless another is clearly better
     best = int(criteria.argmin())
-    criteria[1:] -= _BETTER
-    scene, anchor = tried[best], int(np.flatnonzero(some.alone[:, k])[0]) if some.alone[:, k].any() else 0
-    return scene, [
-        (in_frame(placed(s.outlines[k], s.poses[anchor, k]), scene.poses[anchor, k]), float(worse))
-        for i, (s, worse) in enumerate(zip(tried, criteria - criteria[best], strict=True))
-        if i != best and worse < _ALIKE
+    return [tried[best], *tried[:best], *tried[best + 1 :]]
+
+
+def _straight_on(some: _Rows, scene: Scene, k: int, corners: FloatArray, poses: FloatArray) -> Scene:
+    """Return the scene with a rival of an outline, whose way parts from the one found by a straight line.
+
+    Where it is alone it lies as it was found there; a rival may turn otherwise, and the more the farther on.
+    """
+    row_of = {n: i for i, n in enumerate(some.scans[k])}
+    alone, here = np.flatnonzero(some.alone[:, k]), np.flatnonzero(scene.present[:, k])
+    its = poses[[row_of[int(n)] for n in some.numbers[alone]]]
+    own, middle = scene.outlines[k].mean(axis=0), corners.mean(axis=0)
+    apart = _moved_by(its, middle) - _moved_by(scene.poses[alone, k], own)
+    apart[:, 2] = np.unwrap(apart[:, 2])
+    every, at = scene.poses.copy(), some.numbers
+    off = np.stack([np.interp(at[here], at[alone], apart[:, c]) for c in range(3)], axis=1)
+    for side, end in ((here < alone[0], slice(None, _SLOPE)), (here > alone[-1], slice(-_SLOPE, None))):
+        if side.any() and len(alone) > 2:
+            line = np.polyfit(at[alone[end]], apart[end], 1)
+            off[side] = line[0] * at[here[side], None] + line[1]
+    every[here, k] = _moved_by(_moved_by(scene.poses[here, k], own) + off, -middle)
+    every[alone, k] = its
+    every[here, k, 2] = np.unwrap(every[here, k, 2])
+    return replace(scene, outlines=(*scene.outlines[:k], corners, *scene.outlines[k + 1 :]), poses=every)
+
+
+def _moved_by(poses: FloatArray, point: FloatArray) -> FloatArray:
+    """Return poses (T, 3) of the frame whose origin is at a point (2,) of the one that they are of."""
+    cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    x, y = point
+    return np.asarray(poses + np.stack([cos * x - sin * y, sin * x + cos * y, 0.0 * cos], axis=1))
+
+
+def _explored(some: _Rows, scene: Scene, part: BoolArray) -> list[Scene]:
+    """Return where descents from beside the outlines end that few strips read, the best first.
+
+    The scans of each alone leave such an outline open along valleys, and the corners' number: all scans have other
+    minima than these have. The outlines are moved along what all scans tell least, and lose or gain a corner.
+    """
+    few = [int(k) for k in np.flatnonzero(part & some.alone.any(axis=0)) if _few_read(some, int(k))]
+    ends, soft = [scene], _SOFT * float(some.sizes.max())
+    price = 2.0 * float(np.log(some.hull.scans.readings.sum())) + PLACES
+    for _ in range(_EXPLORED if few else 0):
+        tries, least = list[Scene](), _criterion(some, scene)
+        spread = outline_covariances(some.hull, scene, some.follows, _anchors(some))
+        for k in few:
+            own = scene.outlines[k]
+            starts = along_the_open(own, spread[k])
+            starts += [np.delete(own, i, axis=0) for i in faintest(own)] if len(own) > FEWEST else []
+            starts += edges_bent(own) if len(own) + 1 < FIRST else []
+            for start in starts:
+                trial = replace(scene, outlines=(*scene.outlines[:k], start, *scene.outlines[k + 1 :]))
+                trial = fitted(some.hull, trial, some.follows, 8, soft, _CAUCHY)
+                tries.append(fitted(some.hull, trial, some.follows, 6))
+        near = sorted(tries, key=lambda s: s.cost + price * sum(len(o) for o in s.outlines))[:_SETTLED]
+        ends += [_settled(some, s, 1) for s in near if s.cost < scene.cost + _NEVER]
+        ends.sort(key=lambda s: _criterion(some, s))
+        scene = ends[0]
+        if not _criterion(some, scene) < least - 0.5:
+            break
+    return ends
+
+
+def _few_read(some: _Rows, k: int) -> bool:
+    """Whether scans in which an object is alone touch few strips."""
+    return some.hull.scans.of(np.flatnonzero(some.alone[:, k])).strips_touched < FEW_A_SCAN
+
+
+def _of_rivals(some: _Rows, scene: Scene, others: list[Scene]) -> list[list[tuple[FloatArray, float]]]:
+    """Return each object's outlines, in its frame, in other scenes that explain all as well, and how much worse."""
+    best, anchors = _criterion(some, scene), _anchors(some)
+
+    def seen(s: Scene) -> list[FloatArray]:
+        return [
+            placed(o, s.poses[row, k]) for k, (o, row) in enumerate(zip(s.outlines, anchors, strict=True))
+        ]
+
+    kept, worse = [seen(scene)], list[float]()
+    for other in others:
+        mine, by = seen(other), _criterion(some, other) - best
+        if by < _ALIKE and not any(_same_outlines(mine, k, _SAME * float(some.sizes.min())) for k in kept):
+            kept.append(mine)
+            worse.append(by)
+    return [
+        [(in_frame(one[k], scene.poses[row, k]), by) for one, by in zip(kept[1:], worse, strict=True)]
+        for k, row in enumerate(anchors)
     ]
 
 
-def _astray(some: _Rows, chosen: IntArray, scene: Scene, part: BoolArray) -> tuple[Scene, list[_Elsewhere]]:
+def _same_outlines(a: list[FloatArray], b: list[FloatArray], within_mm: float) -> bool:
+    return all(len(p) == len(q) and float(np.abs(p - q).max()) < within_mm for p, q in zip(a, b, strict=True))
+
+
+def _anchors(some: _Rows) -> list[int]:
+    """Return for each object a row in which it is alone."""
+    return [int(np.flatnonzero(alone)[0]) if alone.any() else 0 for alone in some.alone.T]
+
+
+def _astray(some: _Rows, scene: Scene, part: BoolArray) -> list[Scene]:
     """Return the scene, or a better one in which an object gradually goes another way, and what explains as well.
 
     What others leave to see of an object, such as one edge or one corner, may fit two ways that part slowly from where
     it was alone. Each is a minimum of its own, so that the covariance at one does not tell of the other.
     """
-    found = [scene]
+    found = [(_criterion(some, scene), scene)]
     for k in np.flatnonzero(part):
         mine = np.flatnonzero(scene.present[:, k] & ~some.alone[:, k])
         scale = np.array([some.sizes[k], some.sizes[k], 1.0])
@@ -289,15 +432,13 @@ def _astray(some: _Rows, chosen: IntArray, scene: Scene, part: BoolArray) -> tup
                 continue
             shape = _free_end(some, run, int(k))
             for step in _ASTRAY:
-                poses = found[0].poses.copy()
+                best = found[0][1]
+                poses = best.poses.copy()
                 poses[run, k] += shape[:, None] * np.array(step) * scale
-                trial = _other_way(some, replace(found[0], poses=poses), found[0])
+                trial = _other_way(some, replace(best, poses=poses), best)
                 if trial is not None:
-                    found = sorted([*found, trial], key=lambda s: s.cost)
-    best = found[0]
-    return best, [
-        _Elsewhere(chosen, s.outlines, s.poses, s.present) for s in found[1:] if s.cost - best.cost < _ALIKE
-    ]
+                    found = sorted([*found, (_criterion(some, trial), trial)], key=lambda s: s[0])
+    return [s for _, s in found]
 
 
 def _free_end(some: _Rows, run: IntArray, k: int) -> FloatArray:
@@ -356,7 +497,7 @@ def _rows(
     motion = np.stack([_jerk(one) for one in known])
     return _Rows(
         numbers, HullScans(RigidScans(sensor, names, k, sigma), quiet), poses, tuple(one.corners for one in known),
-        motion, np.isfinite(poses[..., 0]), tuple(one.rivals for one in known),
+        motion, np.isfinite(poses[..., 0]), tuple(one.rivals for one in known), tuple(one.scans for one in known),
     )  # fmt: skip
 
 
@@ -393,18 +534,18 @@ def _of_window(rows: _Rows, window: IntArray, most: int) -> tuple[Scene, IntArra
         fits.append((scene, scene.cost + events, chosen))
     if not fits:
         return None
-    order = np.argsort([cost for _, cost, _ in fits], kind="stable")
-    best, cost, chosen = fits[order[0]]
+    fits.sort(key=lambda fit: fit[1])
+    (best, cost, chosen), some = fits[0], _some(rows, fits[0][2])
     others = [
         _Elsewhere(window, scene.outlines, scene.poses[at], scene.present[at])
-        for scene, worse, own in (fits[i] for i in order[1:])
+        for scene, worse, own in fits[1:]
         if worse - cost < _ALIKE and len(at := np.searchsorted(own, window))
     ]
-    some, allowed = _some(rows, chosen), _WORST * len(window) + 1
+    allowed = _WORST * len(window) + 1
     best = _settled(some, best)
-    for k, own in enumerate(rows.rivals):  # what scans alone leave open, all scans may decide
+    for k in range(len(rows.rivals)):  # what scans alone leave open, all scans may decide
         if len(_bad(some.hull, best)) > allowed and best.present[:, k].any():
-            best, _ = _against_rivals(some, best, k, own)
+            best = _against_rivals(some, best, k)[0]
     return (best, chosen, others) if len(_bad(some.hull, best)) <= allowed else None
 
 
@@ -662,10 +803,7 @@ def _shared(
     content = (
         scene.cost <= _HARDLY_MORE * freedom or chi_square_score(residuals, freedom, distribution) <= _ALARM
     )
-    anchors = [
-        int(np.flatnonzero(some.alone[:, k])[0]) if some.alone[:, k].any() else 0 for k in range(len(part))
-    ]
-    spread = pose_covariances(some.hull, scene, some.follows, anchors, np.flatnonzero(shared))
+    spread = pose_covariances(some.hull, scene, some.follows, _anchors(some), np.flatnonzero(shared))
     found: list[Shared | None] = []
     for k in range(len(part)):
         if not part[k]:
