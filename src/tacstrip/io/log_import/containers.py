@@ -21,10 +21,12 @@ import numpy.typing as npt
 from tacstrip.errors import OptionError, ReadingError
 from tacstrip.files import why_unreadable
 from tacstrip.io.log_import.arrays import of_arrays
+from tacstrip.io.log_import.decoding import decoded
+from tacstrip.io.log_import.headed import decimal_mark, headed
 from tacstrip.io.log_import.names import meaning, meanings, pair_of
 from tacstrip.io.log_import.shape import in_normal_form
-from tacstrip.io.log_import.table import Table, decimal_mark, headed, text_of
-from tacstrip.io.log_import.text import decoded, of_text
+from tacstrip.io.log_import.table import Table, text_of
+from tacstrip.io.log_import.text import of_text
 
 _MOST_UNPACKED = 2**28  # bytes
 _MOST_ROWS = 2**20  # of a sheet, as the form sets it
