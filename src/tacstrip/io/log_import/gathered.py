@@ -11,11 +11,10 @@ from dataclasses import replace
 from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.fields import is_prose, says_nothing
 from tacstrip.io.log_import.names import meaning
-from tacstrip.io.log_import.records import STEADY, Item, is_label, items
+from tacstrip.io.log_import.records import LABELS, STEADY, Item, is_label, items
 from tacstrip.io.log_import.table import Table, of_records
 from tacstrip.io.log_import.untouched import with_names_of_nothing
 
-_LABELS = frozenset({"time", "scan", "strip", "which"})
 _FEW_KINDS = 0.5  # of the records: as many name the same values, or all do as they like
 _COMMA = re.compile(r"(?<![\d,.:])\d+,\d+(?![\d,.])")
 _STRIP_NAMED = re.compile(r"(\D*?)(\d+)(.*)\Z")  # a name with a strip's number in it
@@ -126,7 +125,7 @@ def _gathered(parsed: list[tuple[int, list[Item]]], texts: Mapping[int, str]) ->
                 strange.append(number)
             continue
         fields = _fields(found)
-        told = {name: f for name, f in fields.items() if meaning(name).role in _LABELS}
+        told = {name: f for name, f in fields.items() if meaning(name).role in LABELS}
         if any(labels.get(n) != f for n, f in told.items()) or any(name in record for name in fields):
             flush()
         alone = len(told) == len(fields)  # a line that only says which scan the next ones are of

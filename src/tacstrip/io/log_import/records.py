@@ -10,7 +10,7 @@ from tacstrip.io.log_import.fields import says_nothing
 from tacstrip.io.log_import.names import CHANNELS, UNITS, meaning
 
 STEADY = 0.8  # of the lines: a form that as many have is that of the log
-_LABELS = frozenset({"time", "scan", "strip", "which"})
+LABELS = frozenset({"time", "scan", "strip", "which"})
 _WITH_TIME = re.compile(r"\d\s?(?:[mu]?s|min)\Z")
 _OF_DAY = re.compile(r"(?:[\d-]+[ T])?\d{1,2}:\d\d:\d\d(?:[.,]\d+)?")
 _EPOCH = re.compile(r"1\d{9}(?:\.\d+|\d{3}|\d{6}|\d{9})?")  # since 1970
@@ -116,7 +116,7 @@ def items(line: str) -> list[Item]:
                 last_word = meaning(words[-1])
                 beside = line[end : token.start()].isspace()
                 beside = beside and (last_word.strip is None or last_word.channel in CHANNELS)
-                implied = last_word.role in _LABELS and (last_word.role == "time" or not text[-1:].isalpha())
+                implied = last_word.role in LABELS and (last_word.role == "time" or not text[-1:].isalpha())
                 implied = implied or bool(last_word.channel and beside)
                 timed = "time" if _WITH_TIME.search(text) and len(words[-1]) < 4 else ""  # as in "at 20 ms"
                 if is_strip(words[-1]) and not timed:  # as in "S1 512/300"
@@ -124,10 +124,10 @@ def items(line: str) -> list[Item]:
                 ends = len(words) > 1 and words[-1].casefold() in _END_WORDS and meaning(words[-2]).channel
                 close(" ".join(words[-2:]) if ends else words[-1] if implied else timed, told=False)
             elif not open_name:
-                behind = bool(found) and meaning(found[-1].name).role in _LABELS  # as in "Scan 3 @ 12:00:01"
+                behind = bool(found) and meaning(found[-1].name).role in LABELS  # as in "Scan 3 @ 12:00:01"
                 is_time = _WITH_TIME.search(text) or (behind and _OF_DAY.fullmatch(text))
                 found.append(Item("time" if is_time else "", (), told=False))
-            elif found[-1].values and (_EPOCH.fullmatch(text) or meaning(found[-1].name).role in _LABELS):
+            elif found[-1].values and (_EPOCH.fullmatch(text) or meaning(found[-1].name).role in LABELS):
                 found.append(
                     Item("time" if _EPOCH.fullmatch(text) else "", (), told=False)
                 )  # a label has one value
@@ -165,4 +165,4 @@ def _is_reading(name: str) -> bool:
 def is_label(found: Sequence[Item]) -> bool:
     """Return whether a line only says to which scan, time or strip the lines below it belong."""
     roles = {meaning(i.name).role for i in found}
-    return bool(found) and roles <= _LABELS and all(len(i.values) == 1 for i in found)
+    return bool(found) and roles <= LABELS and all(len(i.values) == 1 for i in found)

@@ -52,6 +52,7 @@ from tacstrip.io.log_import.table import Table
 from tacstrip.io.log_import.tags import without_other_tags
 from tacstrip.io.log_import.thousands import without_thousands
 from tacstrip.io.log_import.tree import of_tree
+from tacstrip.io.log_import.untouched import with_rows_of_nothing
 from tacstrip.io.log_import.yaml_text import yaml_documents
 
 _COMMENT = ("#", "%", "//", "!")
@@ -150,7 +151,7 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
         table = replace(table, preamble=(*table.preamble, *remarked))
     else:
         blank = {i for i, line in every if not line.strip() or _RULE.fullmatch(line)}
-        table = separated(lines, blank, path)
+        table = separated(with_rows_of_nothing(lines), blank, path)
     table = _without_cut_end(table, text)
     table = with_stamps(table, stamps, text, path) if stamps else table
     first = min(table.lines, default=0)

@@ -5,53 +5,101 @@ from __future__ import annotations
 import re
 from collections import Counter
 
-from tacstrip.io.log_import.fields import says_nothing
+from tacstrip.io.log_import.fields import is_value, says_nothing
 from tacstrip.io.log_import.names import UNITS, meaning
-from tacstrip.io.log_import.records import is_strip
+from tacstrip.io.log_import.no_contact import says_no_contact
+from tacstrip.io.log_import.records import LABELS, is_strip
 
-_LABELS = frozenset({"time", "scan", "strip", "which"})
+Lines = list[tuple[int, str]]
 _UNIT = "|".join(sorted((re.escape(u) for u in UNITS if len(u) < 8), key=len, reverse=True))
-_ONLY_WORD = re.compile(
-    r"(?P<said>(?:.*[\s,;|>])?(?P<strip>[A-Za-z]+)[\s=#:_]{0,2}\d+)\b[\s,;:|=(\[]+(?:-+\s+)?(?P<word>[^\d=:]*?)[\s)\]]*"
+_LABEL = r"(?<![\w.])[\[(<#]?(?P<strip>{})[\s=#:_.-]{{0,2}}\d+(?![\w.])[\])>]?"
+_NAME = r"[^\W\d_]+"
+_SAYS = re.compile(
+    rf"(?P<said>(?:.*[\s,;|>])?{_LABEL.format(_NAME)})[\s,;:|=(\[>-]+"
+    r"(?P<words>[^\d=:]*[^\W\d_][^\d=:]*?)[\s)\]]*"
 )
-_VALUE_SAID = re.compile(rf"(?<=[=:\s])[-+]?\d[\d.]*(?:\s?(?:{_UNIT}))?(?=[\s,;|)\]]|\Z)")
+_VALUE = re.compile(rf"(?<![\w.])[-+]?\d[\d.]*(?:[eE][-+]?\d+)?(?i:\s?(?:{_UNIT}))?(?=[\s,;|/)\]]|\Z)")
+_ROW = re.compile(
+    r"(?P<row>[^A-Za-z]*\d)(?P<mark>\s*[,;\t|]\s*|\s+)(?P<words>[^\d,;\t|=:]*[^\W\d_]{2}[^\d,;\t|=:]*?)\s*"
+)
+_FEW = 2  # rows
+_OFTEN = 0.5  # of the lines with readings: a form that as many have is the log's
 
 
-def with_names_of_nothing(lines: list[tuple[int, str]]) -> list[tuple[int, str]]:
-    """Return lines such as "strip=3 untouched" or "S03 no contact" with what others have behind the strip, as "h=nan".
+def with_names_of_nothing(lines: Lines) -> Lines:
+    """Return lines such as "strip=3 untouched" with what others have behind the strip, as "h=nan".
 
-    A word that is not known stands for the values, so that it is asked what it means.
+    Words that are not known stand for the values, so that it is asked what they mean.
+
+    Examples
+    --------
+    >>> with_names_of_nothing([(1, "[S0] not pressed"), (2, "[S1] hi:0.4 lo:0.2"), (3, "[S2] hi:0.5 lo:0.3")])[0]
+    (1, '[S0] hi:nan lo:nan')
     """
-    void = {
-        i: m for i, line in lines if (m := _ONLY_WORD.fullmatch(line.strip())) and _is_of_strip(m["strip"])
-    }
-    words = Counter(m["word"].casefold() for m in void.values())
+    void = {i: m for i, line in lines if (m := _SAYS.fullmatch(line.strip())) and _is_of_strip(m["strip"])}
+    words = Counter(m["words"].casefold() for m in void.values())
     void = {
         i: m for i, m in void.items()
-        if says_nothing(m["word"]) or (words[m["word"].casefold()] > 1 and m["word"].isalpha())
+        if _says_nothing(m["words"]) or (words[m["words"].casefold()] > 1 and m["words"].isalpha())
     }  # fmt: skip
-    void = {i: m for i, m in void.items() if m["word"]}
     if not void:
         return lines
     strip = Counter(m["strip"] for m in void.values()).most_common(1)[0][0]
-    said = re.compile(rf"(?:.*?[\s,;|>])?{strip}[\s=#:_]{{0,2}}\d+\b[\s,;:|(\[-]+(.*\d.*)")
-    behind = Counter(
-        _VALUE_SAID.sub("nan", m[1])
-        for i, line in lines
-        if i not in void and (m := said.fullmatch(line.strip()))
-    )
-    form = behind.most_common(1)[0][0] if behind else ""
-    if not re.search("[A-Za-z]", form.replace("nan", "")) or re.search(rf"\b{strip}[\s=#:_]{{0,2}}\d", form):
-        return lines  # the strip itself is the name of a value, or there are several in a line
-    if "nan" not in form or any(
-        meaning(n).role in _LABELS for n in re.findall(r"([A-Za-z]\w*)\s*[=:]", form)
-    ):
+    label = re.compile(rf"(?:.*?[\s,;|>])?{_LABEL.format(re.escape(strip))}[\s,;:|(>-]+(?P<body>.*\d.*)")
+    bodies = [m["body"] for i, line in lines if i not in void and (m := label.fullmatch(line.strip()))]
+    form, many = Counter(_VALUE.sub("nan", b) for b in bodies).most_common(1)[0] if bodies else ("", 0)
+    named = [meaning(n).role for n in re.findall(r"([A-Za-z]\w*)\s*[=:]", form)]
+    several = re.search(_LABEL.format(re.escape(strip)), form)  # or the strip itself is the name of a value
+    if "nan" not in form or many < _OFTEN * len(bodies) or several or LABELS & {*named}:
+        return lines
+    if re.search(r"\d", form) or not re.search("[A-Za-z]", form.replace("nan", "")):
         return lines
     made = {
-        i: f"{m['said']} {form if says_nothing(m['word']) else form.replace('nan', m['word'])}"
+        i: f"{m['said']} {form if _says_nothing(m['words']) else form.replace('nan', m['words'])}"
         for i, m in void.items() if m["strip"] == strip
     }  # fmt: skip
     return [(i, made.get(i, line)) for i, line in lines]
+
+
+def with_rows_of_nothing(lines: Lines) -> Lines:
+    r"""Return rows of numbers that end early with words for no contact with as many signs of it as they lack fields.
+
+    Examples
+    --------
+    >>> with_rows_of_nothing([(1, "0;1;2.5;1.9"), (2, "0;2;2.4;1.8"), (3, "0;3;no contact"), (4, "1;1;2.6;2.0")])[2]
+    (3, '0;3;nan;nan')
+    """
+    found = {i: m for i, line in lines if (m := _of_row(line))}
+    if not found or 2 * len(found) > len(lines):
+        return lines
+    mark = Counter(m["mark"].strip(" ") or " " for m in found.values()).most_common(1)[0][0]
+    rows = [_split(line, mark) for i, line in lines if i not in found]
+    full = Counter(len(row) for row in rows if all(map(_is_bare, row)))
+    width, many = full.most_common(1)[0] if full else (0, 0)
+    heads = {len(_split(m["row"], mark)) for m in found.values()}
+    short = heads.pop()
+    if heads or short >= width or many < max(_OFTEN * len(rows), _FEW):
+        return lines
+    rest = mark.join(["nan"] * (width - short))
+    return [(i, f"{found[i]['row']}{mark}{rest}" if i in found else line) for i, line in lines]
+
+
+def _is_bare(field: str) -> bool:
+    return is_value(field, ".") or is_value(field, ",") or says_nothing(field)
+
+
+def _of_row(line: str) -> re.Match[str] | None:
+    """Return a line of numbers only before words for no contact; None where it is none."""
+    m = _ROW.fullmatch(line)
+    return m if m and says_no_contact(m["words"]) else None
+
+
+def _split(line: str, mark: str) -> list[str]:
+    return line.split() if mark == " " else [f.strip() for f in line.split(mark)]
+
+
+def _says_nothing(words: str) -> bool:
+    return says_nothing(words.strip()) or says_no_contact(words)
 
 
 def _is_of_strip(word: str) -> bool:
