@@ -98,3 +98,28 @@ def of_two_numbers(table: Table) -> Table:
         columns = {f"{n} [ns]" if n == whole[0] else n: f for n, f in columns.items()}
         return table.with_columns(columns, f"{whole[0]} and {name}: seconds and their parts")
     return table
+
+
+def of_unknown_name(table: Table) -> Table:
+    """Name the only column of dates with times of day a time, whatever its own name, where there is no other time.
+
+    Of lines that follow each other with the same one, so that it is not taken for what tells sensors apart.
+    """
+    if not table.named or any(meaning(n).role == "time" for n in table.names):
+        return table
+    found = [
+        n for n in table.names
+        if not meaning(n).role and all(map(_is_moment, fields := table.column(n)))
+        and 1 < len({*fields}) == sum(1 for _ in itertools.groupby(fields)) <= len(fields) // 2
+    ]  # fmt: skip
+    if len(found) != 1:
+        return table
+    columns = {f"{n} time" if n == found[0] else n: table.column(n) for n in table.names}
+    return table.with_columns(columns, f"{found[0]}: dates with times of day")
+
+
+def _is_moment(field: str) -> bool:
+    return (
+        re.match(r"\d{4}-\d\d-\d\d|\d\d?[./]\d\d?[./]\d", field) is not None
+        and clock_seconds(field) is not None
+    )

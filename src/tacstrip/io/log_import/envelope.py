@@ -13,6 +13,7 @@ from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.fields import STAMP, number_of, says_nothing
 from tacstrip.io.log_import.names import meaning
 from tacstrip.io.log_import.records import STEADY
+from tacstrip.io.log_import.strays import numbered, without
 from tacstrip.io.log_import.table import CLOCK, Table
 
 _DAY_NAMED = r"(?:(?:[A-Z][a-z]{2},? )?[A-Z][a-z]{2} [ \d]\d )?"  # as "Sun Nov 22 "
@@ -35,6 +36,9 @@ _FEW_BLOCKS = 2
 _SHELL = re.compile(
     r"\s*(?:>>> (?!\s*[-+\d.]).*|> [A-Za-z.].*|\[\d+ rows x \d+ columns\]\s*|\(?\d+ rows?(?: in set.*|\)\s*))"
 )  # around a printed DataFrame
+_PROMPT = re.compile(
+    r"\s*(?P<name>[A-Za-z](?:[\w@:~/.-]*[A-Za-z_~/])?)(?:[=*'(!^-]{0,2}[>#]|\$)(?:\s+(?:[A-Za-z\\./(*_].*)?)?"
+)  # with a command or nothing behind it
 _COUNT_OF_ROWS = re.compile(r"\s*\(?\d+ rows?(?:\)| in set.*)\s*")  # below what a database prints
 _QUERIED = re.compile(
     r"\s*(?:Time: [\d.,]+ ms(?: \([\d:.]+\))?|Timing is o(?:n|ff)\.?|SET)\s*"
@@ -104,14 +108,37 @@ def _as_wide(line: str, other: str) -> bool:
 
 def without_shell(lines: Lines) -> tuple[Lines, str]:
     """Return lines without what a prompt, or a database's program, prints around a table, and a remark."""
-    around = {i for i, line in lines if _SHELL.fullmatch(line)}
+    around = {i for i, line in lines if _SHELL.fullmatch(line) or _is_typed(line)}
     if any(_COUNT_OF_ROWS.fullmatch(line) for _, line in lines):
         around |= {i for i, line in lines if _QUERIED.fullmatch(line)}
     if 2 * len(around) > len(lines):
         return lines, ""
-    typed = [f"line {i} ({line.strip()!r})" for i, line in lines if i in around and line.startswith("> ")]
+    typed = [
+        f"line {i} ({line.strip()!r})"
+        for i, line in lines
+        if i in around and (line.startswith("> ") or _is_typed(line))
+    ]
     said = f"{', '.join(typed)}: typed at a prompt, passed over" if typed else ""
     return [(i, line) for i, line in lines if i not in around], said
+
+
+def _is_typed(line: str) -> bool:
+    """Return whether a line is a prompt, as of a database or a board's shell, perhaps with what was typed behind it.
+
+    Examples
+    --------
+    >>> [_is_typed(t) for t in ("skin=> select 1;", "ready> go 4", "lab@pi:~$ cat x", "high> 512", "left> 2.5 1.9")]
+    [True, True, True, False, False]
+    """
+    found = _PROMPT.fullmatch(line)
+    return bool(found) and not any(
+        meaning(w).role for w in re.findall(r"[^\W\d_]+", found["name"] if found else "")
+    )
+
+
+def without_typed(text: str) -> str:
+    """Return a text without what was typed at a prompt, which may name columns of its own."""
+    return without(text, frozenset(n for n, line in numbered(text) if _is_typed(line)))
 
 
 def without_levels(lines: Lines) -> tuple[Lines, str]:

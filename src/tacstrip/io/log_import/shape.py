@@ -9,7 +9,13 @@ from dataclasses import replace
 import numpy as np
 
 from tacstrip.errors import ReadingError
-from tacstrip.io.log_import.clocks import of_clock_parts, of_day_and_clock, of_one_clock, of_two_numbers
+from tacstrip.io.log_import.clocks import (
+    of_clock_parts,
+    of_day_and_clock,
+    of_one_clock,
+    of_two_numbers,
+    of_unknown_name,
+)
 from tacstrip.io.log_import.fields import array_of, clock_seconds, number_of, quantity, says_nothing
 from tacstrip.io.log_import.names import (
     CHANNELS,
@@ -38,7 +44,8 @@ def in_normal_form(table: Table) -> Table:
     two, merged cells are filled, a column that only counts the rows is left out, and columns of scans become rows.
     """
     steps: tuple[Callable[[Table], Table], ...] = (
-        _without_empty, of_several_scans, of_clock_parts, of_day_and_clock, of_one_clock, of_two_numbers,
+        _without_empty, of_several_scans, of_clock_parts, of_day_and_clock, of_one_clock, of_unknown_name,
+        of_two_numbers,
         transposed, _spread, upright, _without_units, _of_strips_only, _of_unit_column, _in_one_unit, _split_keys,
         _filled, _without_index,
     )  # fmt: skip

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import re
 from collections import Counter
 from dataclasses import replace
@@ -10,6 +9,7 @@ from pathlib import Path
 
 from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.announced import with_announced
+from tacstrip.io.log_import.box_print import without_boxes
 from tacstrip.io.log_import.changes import in_parts
 from tacstrip.io.log_import.channel_names import (
     order_told_otherwise,
@@ -17,6 +17,7 @@ from tacstrip.io.log_import.channel_names import (
     with_channel_names,
 )
 from tacstrip.io.log_import.conversion import resolutions
+from tacstrip.io.log_import.cut import with_cut_lines_doubted, without_cut_end
 from tacstrip.io.log_import.delimiters import of_sent, of_slashes, without_ends, without_prefix, without_tag
 from tacstrip.io.log_import.dialects import of_dialect
 from tacstrip.io.log_import.envelope import (
@@ -26,7 +27,9 @@ from tacstrip.io.log_import.envelope import (
     without_levels,
     without_shell,
     without_stamps,
+    without_typed,
 )
+from tacstrip.io.log_import.expanded import of_expanded
 from tacstrip.io.log_import.fields import is_prose
 from tacstrip.io.log_import.gathered import named_values
 from tacstrip.io.log_import.groups import of_groups
@@ -34,13 +37,15 @@ from tacstrip.io.log_import.hexbytes import of_hex_bytes
 from tacstrip.io.log_import.json_records import of_literals
 from tacstrip.io.log_import.labels import with_labels
 from tacstrip.io.log_import.literals import one_page, unwrapped
+from tacstrip.io.log_import.mail import without_mail
 from tacstrip.io.log_import.markup import plain_rows
-from tacstrip.io.log_import.names import meaning, meanings, pair_of
+from tacstrip.io.log_import.names import meaning, pair_of
 from tacstrip.io.log_import.nested import documents
 from tacstrip.io.log_import.owners import with_owners
 from tacstrip.io.log_import.pandas_print import of_pandas
 from tacstrip.io.log_import.prints import of_displayed_scans
 from tacstrip.io.log_import.records import STEADY
+from tacstrip.io.log_import.registers import with_registers
 from tacstrip.io.log_import.runs import of_runs
 from tacstrip.io.log_import.sections import in_one_table
 from tacstrip.io.log_import.separated import separated
@@ -48,6 +53,7 @@ from tacstrip.io.log_import.series import without_other_series
 from tacstrip.io.log_import.shape import in_normal_form
 from tacstrip.io.log_import.sideways import upright
 from tacstrip.io.log_import.strays import numbered, with_retries, without, without_messages
+from tacstrip.io.log_import.system_logs import of_system_log
 from tacstrip.io.log_import.table import Table
 from tacstrip.io.log_import.tags import without_other_tags
 from tacstrip.io.log_import.thousands import without_thousands
@@ -68,6 +74,7 @@ _RULE = re.compile(r"[\s\-=+|~*_:]+")  # a line drawn below names
 _HALF_WIDTH = {c: c - 0xFEE0 for c in range(0xFF01, 0xFF5F)}  # of East Asian full-width letters and digits
 _FEW_LINES = 4  # of fewer, the length of the last number tells nothing
 _THOUSANDS = re.compile(r"(?<=\d)[\u2009\u202f\xa0](?=\d{3}(?!\d))")
+_FORTRAN = re.compile(r"(?<!\w)([-+]?(?:\d+\.\d*|\.\d+))[DdQq]([+-]\d{2,3})(?!\w)")  # double precision
 _BOUND = re.compile(r"(\d)\s?(?:\u00b1|\+/-)\s?\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?(?!\d|\s?(?:\u00b1|\+/-))")
 _COLOUR = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")  # of a terminal
 _CHANNEL_LINE = re.compile(
@@ -88,7 +95,7 @@ def of_text(text: str, path: str | Path = "the log") -> Table:
 
 def _announced(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     table = _of_lines(text, path, strays)
-    table = with_announced(table, text, lambda other: _of_lines(other, path, strays))
+    table = with_announced(table, without_typed(text), lambda other: _of_lines(other, path, strays))
     return with_owners(table, text)
 
 
@@ -115,19 +122,24 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     """Return a text as a table in normal form, as if some of its lines were not there."""
     if (dumped := of_hex_bytes(without(text, strays))) is not None:
         return in_normal_form(dumped)
+    text = without_boxes(of_system_log(_FORTRAN.sub(r"\1E\2", text)))
     text, bounds = _BOUND.subn(r"\1", without_thousands(_THOUSANDS.sub("", of_pandas(without(text, strays)))))
     text, messages = without_messages(
         _COLOUR.sub("", plain_rows(of_displayed_scans(without(text, strays)).translate(_HALF_WIDTH)))
     )
-    text, others = without_other_series(text)
-    text, tagged = without_other_tags(text)
+    told = []
+    for rewritten in (without_mail, without_other_series, without_other_tags, with_registers):
+        text, said = rewritten(text)
+        told.append(said)
     bounded = "what stands behind \u00b1: no readings, passed over" if bounds > 1 else ""
-    messages = "; ".join(filter(None, [messages, others, tagged, bounded]))
+    messages = "; ".join(filter(None, [messages, *told, bounded]))
+    if (expanded := of_expanded(text)) is not None:
+        return in_normal_form(replace(expanded, remarks=(*filter(None, [messages]), *expanded.remarks)))
     if (nested := _of_nested(text)) is not None:
         return in_normal_form(replace(nested, remarks=(*filter(None, [messages]), *nested.remarks)))
     if (labelled := of_runs(text)) is not None:
         labelled = replace(labelled, remarks=(*filter(None, [messages]), *labelled.remarks))
-        return in_normal_form(_without_cut_end(labelled, text))
+        return in_normal_form(without_cut_end(labelled, text))
     text = with_labels(with_channel_names(upright(_of_two_lines(of_sent(without_prefix(text))))))
     if (table := of_literals(text, path) or of_dialect(text, str(path))) is not None:
         return in_normal_form(replace(table, remarks=(*filter(None, [messages]), *table.remarks)))
@@ -152,7 +164,7 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     else:
         blank = {i for i, line in every if not line.strip() or _RULE.fullmatch(line)}
         table = separated(with_rows_of_nothing(lines), blank, path)
-    table = _without_cut_end(table, text)
+    table = with_cut_lines_doubted(without_cut_end(table, text))
     table = with_stamps(table, stamps, text, path) if stamps else table
     first = min(table.lines, default=0)
     above = [line for i, line in numbered(text) if i < first]
@@ -218,24 +230,3 @@ def _in_pairs(lines: list[tuple[int, str]]) -> list[tuple[int, str]]:
         (i, _PAIRED.sub(rf"\1{mark}\2", line).replace("|", " " if not mark.strip() else "|"))
         for i, line in lines
     ]
-
-
-def _without_cut_end(table: Table, text: str) -> Table:
-    """Return a table whose last line is a broken one, if the log ends within its last number."""
-    if text.endswith(("\n", "\r")) or len(table.rows) < _FEW_LINES:
-        return table
-    lines = re.split(r"\r\n|\r\r\n|\n|\r", text)
-    *padded, end_line = [lines[i - 1] for i in table.lines]
-    *others, last = [row[-1] for row in table.rows]
-    longer = [len(cell) for cell in others if cell]
-    if last or any(m.role == "strip" for m in meanings(table.names).values()):
-        cut = bool(last and longer) and len(last) < min(longer)
-    else:  # empty at the end, where the line before is not
-        end = len(list(itertools.takewhile(lambda cell: not cell, reversed(table.rows[-1]))))
-        cut = any(table.rows[-2][-end:])
-    # Where blanks fill each line up to one width, a shorter one is cut, even behind a whole number.
-    filled = len({*map(len, padded)}) == 1 and any("  " in line for line in padded)
-    if not cut and not (filled and len(end_line) < len(padded[0])):
-        return table
-    broken = (*table.broken, table.lines[-1])
-    return replace(table, rows=table.rows[:-1], lines=table.lines[:-1], broken=broken)

@@ -15,8 +15,8 @@ _UNIT = "|".join(sorted((re.escape(u) for u in UNITS if len(u) < 8), key=len, re
 _LABEL = r"(?<![\w.])[\[(<#]?(?P<strip>{})[\s=#:_.-]{{0,2}}\d+(?![\w.])[\])>]?"
 _NAME = r"[^\W\d_]+"
 _SAYS = re.compile(
-    rf"(?P<said>(?:.*[\s,;|>])?{_LABEL.format(_NAME)})[\s,;:|=(\[>-]+"
-    r"(?P<words>[^\d=:]*[^\W\d_][^\d=:]*?)[\s)\]]*"
+    rf"(?P<said>(?:.*[\s,;|>])?{_LABEL.format(_NAME)})[\s,;:|=(\[>]+"
+    r"(?P<words>[^\d=:]*[^\W\d_][^\d=:]*?|-{1,3})[\s)\]]*"
 )
 _VALUE = re.compile(rf"(?<![\w.])[-+]?\d[\d.]*(?:[eE][-+]?\d+)?(?i:\s?(?:{_UNIT}))?(?=[\s,;|/)\]]|\Z)")
 _ROW = re.compile(
@@ -42,22 +42,35 @@ def with_names_of_nothing(lines: Lines) -> Lines:
         i: m for i, m in void.items()
         if _says_nothing(m["words"]) or (words[m["words"].casefold()] > 1 and m["words"].isalpha())
     }  # fmt: skip
-    if not void:
+    strips = Counter(
+        m["strip"] for _, line in lines if (m := _SAYS.fullmatch(line.strip())) and _is_of_strip(m["strip"])
+    )
+    if not strips:
         return lines
-    strip = Counter(m["strip"] for m in void.values()).most_common(1)[0][0]
-    label = re.compile(rf"(?:.*?[\s,;|>])?{_LABEL.format(re.escape(strip))}[\s,;:|(>-]+(?P<body>.*\d.*)")
-    bodies = [m["body"] for i, line in lines if i not in void and (m := label.fullmatch(line.strip()))]
+    strip = strips.most_common(1)[0][0]
+    label = re.compile(rf"(?:.*?[\s,;|>])?{_LABEL.format(re.escape(strip))}[\s,;:|(>-]+(?P<body>.*)")
+    bodies = [
+        m["body"]
+        for i, line in lines
+        if i not in void and (m := label.fullmatch(line.strip())) and re.search(r"\d", m["body"])
+    ]
     form, many = Counter(_VALUE.sub("nan", b) for b in bodies).most_common(1)[0] if bodies else ("", 0)
     named = [meaning(n).role for n in re.findall(r"([A-Za-z]\w*)\s*[=:]", form)]
     several = re.search(_LABEL.format(re.escape(strip)), form)  # or the strip itself is the name of a value
     if "nan" not in form or many < _OFTEN * len(bodies) or several or LABELS & {*named}:
         return lines
-    if re.search(r"\d", form) or not re.search("[A-Za-z]", form.replace("nan", "")):
+    if re.search(r"\d", form):
         return lines
     made = {
         i: f"{m['said']} {form if _says_nothing(m['words']) else form.replace('nan', m['words'])}"
         for i, m in void.items() if m["strip"] == strip
     }  # fmt: skip
+    # As in "top nil, bottom nil (volts)": each value is a word for nothing.
+    written = re.compile(re.escape(form).replace("nan", r"([^\W\d_]+|-{1,3})"))
+    for i, line in lines:
+        m = None if i in made else label.fullmatch(line.strip())
+        if m and (words_of := written.fullmatch(m["body"])) and all(map(_says_nothing, words_of.groups())):
+            made[i] = f"{line.strip()[: m.start('body')]}{form}"
     return [(i, made.get(i, line)) for i, line in lines]
 
 
