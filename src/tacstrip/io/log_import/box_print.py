@@ -21,9 +21,9 @@ def without_boxes(text: str) -> str:
 
     Examples
     --------
-    >>> text = "2\u00d72 DataFrame\n Row \u2502 t    h\n     \u2502 Int64  Float64?\n   1 \u2502 0  2.5\n   2 \u2502 1  2.4\n"
+    >>> text = " Row \u2502 t    h\n     \u2502 Int64  Float64?\n   1 \u2502 0  2.5\n   2 \u2502 1  2.4\n"
     >>> [line.strip() for line in without_boxes(text).split("\n")]
-    ['', 't    h', '', '0  2.5', '1  2.4', '']
+    ['t    h', '', '0  2.5', '1  2.4', '']
     """
     lines = numbered(text)
     drawn = [line for _, line in lines if _BAR.search(line)]

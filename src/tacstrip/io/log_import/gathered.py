@@ -23,7 +23,7 @@ _SAMPLE = 200  # lines that tell whether all are of a kind
 
 def named_values(lines: list[tuple[int, str]]) -> Table | None:
     """Return lines that name their values as a table; None where the log is none of that kind."""
-    lines = with_names_of_nothing(lines)
+    lines, unknown = with_names_of_nothing(lines)
     if len(lines) > _SAMPLE and named_values(lines[:_SAMPLE]) is None:
         return None
     parsed = [(i, items(line)) for i, line in lines]
@@ -33,7 +33,12 @@ def named_values(lines: list[tuple[int, str]]) -> Table | None:
         return None
     pointed = _with_points(lines)
     parsed = parsed if pointed is lines else [(i, items(line)) for i, line in pointed]
-    return _gathered(parsed, dict(pointed))
+    table = _gathered(parsed, dict(pointed))
+    doubts = [
+        f"line {i} says {w!r} in place of readings: does nothing touch the strip, or is it a fault?"
+        for w, i in unknown.items()
+    ]
+    return table and replace(table, doubts=(*table.doubts, *doubts))
 
 
 def _says_no_contact(line: str) -> bool:
@@ -161,6 +166,7 @@ def _gathered(parsed: list[tuple[int, list[Item]]], texts: Mapping[int, str]) ->
             strange += [i for i, _ in other]
             records[n] = {name: f for name, f in r.items() if name in usual}
     empty: set[int] = set()
+    listed: list[str] = []  # strips that every scan lists
     strips = [n for n in usual if meaning(n).role == "strip"]
     if heading:
         last = (len(records), min(heading.values()), dict(labels))
@@ -179,11 +185,16 @@ def _gathered(parsed: list[tuple[int, list[Item]]], texts: Mapping[int, str]) ->
     elif void:
         inner = next(list(r) for r in records if frozenset(r) == usual)
         shown = next(r[strips[0]] for r in records if strips[0] in r)
+        often = Counter(r.get(strips[0], "") for r in records)
+        listed = (
+            [*often][::-1] if len({*often.values()}) == 1 and len(often) > 1 else []
+        )  # each in every scan
         for place, line, told in reversed(void):
             if {*told} <= usual:
-                records.insert(place, dict.fromkeys(inner, "") | told | {strips[0]: shown})
-                lines.insert(place, line)
-                pieces.insert(place, [])
+                for strip in listed or [shown]:
+                    records.insert(place, dict.fromkeys(inner, "") | told | {strips[0]: strip})
+                    lines.insert(place, line)
+                    pieces.insert(place, [])
                 empty.add(line)
             else:
                 strange.append(line)
@@ -223,7 +234,7 @@ def _gathered(parsed: list[tuple[int, list[Item]]], texts: Mapping[int, str]) ->
         broken=tuple(sorted({*strange})),
         preamble=tuple(texts[i] for i in above),
         quotes=quotes,
-        empty=frozenset(empty),
+        empty=frozenset() if listed else frozenset(empty),
         varied=varied > 1,
     )
 

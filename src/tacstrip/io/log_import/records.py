@@ -19,6 +19,7 @@ _STRIP_THEN_NAME = re.compile(
     r"\b([A-Za-z]+\d+):\s*(?=[A-Za-z]\w*(?:\s*[=:]|\s+[-+\d.]))"
 )  # as "S0:" in "S0:H=512 L=300"
 _CALLED = re.compile(r"\A\s*[A-Za-z_]\w*\((.*=.*)\)\s*\Z")  # as a record that a program prints
+_VOID = ("nan", "nil", "null", "none", "n/a")  # which are no ends
 _END_WORDS = frozenset({"end", "side", "ende", "seite", "edge"})  # behind the word that says which
 _UNIT = "|".join(sorted((re.escape(u) for u in UNITS if len(u) < 8), key=len, reverse=True))
 _FOREIGN = re.compile(  # a unit that is none of readings, behind a value
@@ -84,8 +85,11 @@ def items(line: str) -> list[Item]:
 
     for token in _TOKEN.finditer(line):
         kind, text = str(token.lastgroup), token.group().strip()
+        last = meaning(words[-1]) if words else None
         nothing = says_nothing(text) and (
-            open_name or (words and (meaning(words[-1]).channel in CHANNELS or is_strip(words[-1])))
+            open_name
+            or (last is not None and (last.channel in CHANNELS or is_strip(words[-1])))
+            or (last is not None and bool(last.channel) and text.casefold() in _VOID)  # of "top nil"
         )
         if kind == "word" and not nothing:
             named = line[token.end() :].lstrip()[:1] in (":", "=") and token.end() < len(line)
@@ -131,9 +135,9 @@ def items(line: str) -> list[Item]:
                 found.append(
                     Item("time" if _EPOCH.fullmatch(text) else "", (), told=False)
                 )  # a label has one value
-            last = found[-1]
-            found[-1] = replace(last, values=(*last.values, text))
-            if not last.told:
+            newest = found[-1]
+            found[-1] = replace(newest, values=(*newest.values, text))
+            if not newest.told:
                 open_name = False
     found = [i for i in found if i.values]
     places = [n for n, item in enumerate(found) if item.name == "strip"]

@@ -22,56 +22,57 @@ _VALUE = re.compile(rf"(?<![\w.])[-+]?\d[\d.]*(?:[eE][-+]?\d+)?(?i:\s?(?:{_UNIT}
 _ROW = re.compile(
     r"(?P<row>[^A-Za-z]*\d)(?P<mark>\s*[,;\t|]\s*|\s+)(?P<words>[^\d,;\t|=:]*[^\W\d_]{2}[^\d,;\t|=:]*?)\s*"
 )
+_PLAIN = r"[^\W\d_]+(?: [^\W\d_]+){0,2}"  # words that may stand for readings
 _FEW = 2  # rows
 _OFTEN = 0.5  # of the lines with readings: a form that as many have is the log's
 
 
-def with_names_of_nothing(lines: Lines) -> Lines:
-    """Return lines such as "strip=3 untouched" with what others have behind the strip, as "h=nan".
+def with_names_of_nothing(lines: Lines) -> tuple[Lines, dict[str, int]]:
+    """Return lines such as "strip=3 untouched" with what others have behind the strip, as "h=nan", and unknown words.
 
-    Words that are not known stand for the values, so that it is asked what they mean.
+    These, with the first line of each, stand for the values, as it is not known what they mean.
 
     Examples
     --------
-    >>> with_names_of_nothing([(1, "[S0] not pressed"), (2, "[S1] hi:0.4 lo:0.2"), (3, "[S2] hi:0.5 lo:0.3")])[0]
+    >>> with_names_of_nothing([(1, "[S0] not pressed"), (2, "[S1] hi:0.4 lo:0.2"), (3, "[S2] hi:0.5 lo:0.3")])[0][0]
     (1, '[S0] hi:nan lo:nan')
+    >>> with_names_of_nothing([(1, "S0 h=4"), (2, "S1 h=3"), (3, "S2 sensor fault"), (4, "S2 sensor fault")])[1]
+    {'sensor fault': 3}
     """
-    void = {i: m for i, line in lines if (m := _SAYS.fullmatch(line.strip())) and _is_of_strip(m["strip"])}
-    words = Counter(m["words"].casefold() for m in void.values())
-    void = {
-        i: m for i, m in void.items()
-        if _says_nothing(m["words"]) or (words[m["words"].casefold()] > 1 and m["words"].isalpha())
-    }  # fmt: skip
-    strips = Counter(
-        m["strip"] for _, line in lines if (m := _SAYS.fullmatch(line.strip())) and _is_of_strip(m["strip"])
-    )
-    if not strips:
-        return lines
-    strip = strips.most_common(1)[0][0]
-    label = re.compile(rf"(?:.*?[\s,;|>])?{_LABEL.format(re.escape(strip))}[\s,;:|(>-]+(?P<body>.*)")
-    bodies = [
-        m["body"]
-        for i, line in lines
-        if i not in void and (m := label.fullmatch(line.strip())) and re.search(r"\d", m["body"])
-    ]
-    form, many = Counter(_VALUE.sub("nan", b) for b in bodies).most_common(1)[0] if bodies else ("", 0)
-    named = [meaning(n).role for n in re.findall(r"([A-Za-z]\w*)\s*[=:]", form)]
-    several = re.search(_LABEL.format(re.escape(strip)), form)  # or the strip itself is the name of a value
-    if "nan" not in form or many < _OFTEN * len(bodies) or several or LABELS & {*named}:
-        return lines
-    if re.search(r"\d", form):
-        return lines
-    made = {
-        i: f"{m['said']} {form if _says_nothing(m['words']) else form.replace('nan', m['words'])}"
-        for i, m in void.items() if m["strip"] == strip
-    }  # fmt: skip
+    found = {i: m for i, line in lines if (m := _SAYS.fullmatch(line.strip())) and _is_of_strip(m["strip"])}
+    if not found:
+        return lines, {}
+    strip = Counter(m["strip"] for m in found.values()).most_common(1)[0][0]
+    label = re.compile(rf"(?:.*?[\s,;|>])?{_LABEL.format(re.escape(strip))}(?P<gap>[\s,;:|(>-]+)(?P<body>.*)")
+    there = {i: m for i, line in lines if (m := label.fullmatch(line.strip()))}
+    bodies = [(m["gap"], _VALUE.sub("nan", m["body"])) for m in there.values() if re.search(r"\d", m["body"])]
+    (gap, form), many = Counter(bodies).most_common(1)[0] if bodies else (("", ""), 0)
+    if many < _OFTEN * len(bodies) or not _is_of_readings(form, strip):
+        return lines, {}
+    words = Counter(m["words"].casefold() for m in found.values())
     # As in "top nil, bottom nil (volts)": each value is a word for nothing.
     written = re.compile(re.escape(form).replace("nan", r"([^\W\d_]+|-{1,3})"))
-    for i, line in lines:
-        m = None if i in made else label.fullmatch(line.strip())
-        if m and (words_of := written.fullmatch(m["body"])) and all(map(_says_nothing, words_of.groups())):
-            made[i] = f"{line.strip()[: m.start('body')]}{form}"
-    return [(i, made.get(i, line)) for i, line in lines]
+    made: dict[int, str] = {}
+    unknown: dict[str, int] = {}
+    for i, m in found.items():
+        whole = there.get(i)
+        each = written.fullmatch(whole["body"]) if whole else None
+        if m["strip"] != strip:
+            continue
+        if _says_nothing(m["words"]) or (each and all(map(_says_nothing, each.groups()))):
+            made[i] = f"{m['said']}{gap}{form}"
+        elif words[m["words"].casefold()] > 1 and re.fullmatch(_PLAIN, m["words"]):
+            unknown.setdefault(m["words"], i)
+            made[i] = f"{m['said']}{gap}{form.replace('nan', m['words'].replace(' ', '_'))}"
+    return [(i, made.get(i, line)) for i, line in lines], unknown
+
+
+def _is_of_readings(form: str, strip: str) -> bool:
+    """Return whether what stands behind a strip holds values, and neither another strip nor a time or a scan."""
+    named = {meaning(n).role for n in re.findall(r"([A-Za-z]\w*)\s*[=:]", form)}
+    several = re.search(_LABEL.format(re.escape(strip)), form)  # or the strip itself is the name of a value
+    worded = re.search("[A-Za-z]", form.replace("nan", ""))  # else a sign for nothing is no value
+    return "nan" in form and bool(worded) and not (several or LABELS & named or re.search(r"\d", form))
 
 
 def with_rows_of_nothing(lines: Lines) -> Lines:
