@@ -124,7 +124,7 @@ def test_a_prompt_names_no_columns(typed: str) -> None:
     ],
 )
 def test_records_below_lines_that_number_them(head: str, mark: str) -> None:
-    made = []
+    made: list[str] = []
     for n, scan in enumerate(_VALUES):
         for s, (h, low) in enumerate(scan):
             fields = {"id": 700 + len(made), "t_ms": 500 * n, "strip": s, "v_high": h, "v_low": low}
