@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import tacstrip as ts
+from tacstrip.io.log_import.decoding import decoded
 from tacstrip.io.log_import.guess import propose
 from tacstrip.io.log_import.questions import Unanswered
-from tacstrip.io.log_import.text import decoded, of_text
+from tacstrip.io.log_import.text import of_text
 
 PAD = ts.Sensor(construction="crs-crs", strips=4, pitch_mm=6.0, length_mm=80.0, vref_volt=5.0)
 SCANS = range(6)

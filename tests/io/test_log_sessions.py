@@ -12,9 +12,10 @@ import pytest
 
 import tacstrip as ts
 from tacstrip.io.log_import.containers import read_table
+from tacstrip.io.log_import.decoding import decoded
 from tacstrip.io.log_import.guess import propose
 from tacstrip.io.log_import.questions import Unanswered
-from tacstrip.io.log_import.text import decoded, of_text
+from tacstrip.io.log_import.text import of_text
 
 ONE = ts.Sensor(construction="crs-m", strips=3, pitch_mm=10.0, length_mm=50.0, vref_volt=3.3)
 TWO = ts.Sensor(construction="crs-crs", strips=3, pitch_mm=10.0, length_mm=50.0, vref_volt=3.3)

@@ -222,7 +222,9 @@ def asked_of(log: Path) -> Iterator[None]:
         yield
     except SeveralSheets as several:
         which = Question(
-            "sheet", "several sheets hold something: which one?", tuple(str(several).split(", "))
+            "sheet",
+            "several sheets hold something: which one (all: one after the other)?",
+            tuple(str(several).split(", ")),
         )
         raise click.ClickException(f"{log} does not say:\n  {which}") from None
     except Unanswered as open_:

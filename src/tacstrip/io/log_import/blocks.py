@@ -1,103 +1,138 @@
-"""Columns that are the strips in their order, though no name says so: which they are, and where the first strip is."""
+"""Blocks of lines below labels or between empty lines: which scan, time or strip they are of."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import bisect
+import itertools
+import re
+from collections import Counter
+from dataclasses import replace
 
-from tacstrip.errors import OptionError
-from tacstrip.io.log_import.ends import order_of_ends
-from tacstrip.io.log_import.names import (
-    Meaning,
-)
-from tacstrip.io.log_import.questions import Clues
-from tacstrip.io.log_import.statements import order_said, strips_order_said
+from tacstrip.errors import ReadingError
+from tacstrip.io.log_import.names import meaning, meanings
+from tacstrip.io.log_import.records import Item, is_label, items
+from tacstrip.io.log_import.table import ROW, Table
 
-
-def ask_for_block(clues: Clues, why: str, names: list[str], wide: int) -> list[str]:
-    """Ask which columns are the strips; return the likeliest, with which other questions can be found."""
-    at = [clues.table.places[n] for n in names]
-    starts = [
-        n for n in range(len(names) - wide + 1) if at[n + wide - 1] - at[n] == wide - 1
-    ]  # with none between
-    blocks = [f"{names[n]}..{names[n + wide - 1]}" for n in starts or range(len(names) - wide + 1)]
-    shown = (blocks[-1], *blocks[:-1][:2])
-    clues.ask(
-        "readings",
-        f"{why}: which {wide} are the readings of the strips in their order (else name all, with commas)?",
-        *shown,
-    )
-    return names[-wide:]
+_FEW_BLOCKS = 2
+_WORDED = re.compile(
+    r"[^\dA-Za-z]*[A-Za-z][^\t;|]*(?<!,)\Z|\s*([=*~<>-])\1+\s*\w[^\t;|]*\1{2,}\s*\Z"
+)  # and without fields
+_NUMBER_SIGN = re.compile(r"\s(?:n|no|nr|num)?[\u00b0\u00ba.]\s*(?=\d)", re.IGNORECASE)  # as "Messung Nr. 2"
+_IN_TIME = re.compile(r"(?<![\w.,])(\d+(?:\.\d+)?)\s?(?:s|sec|ms|us)(?!\w)")
+_TIME_SAID = re.compile(r"(?<![\w.,])(\d+),(\d+)(?=\s?(?:s|sec|ms|us|\u00b5s)(?!\w))")  # with a decimal comma
+_LONG = 80  # characters: no label has as many
 
 
-def _parts(answer: str, names: Sequence[str]) -> list[str]:
-    """Return what stands between the commas of an answer, but for those within columns' names."""
-    parts: list[str] = []
-    for piece in answer.split(","):
-        whole = f"{parts[-1]},{piece}" if parts else ""
-        if parts and parts[-1] not in names and any(n.startswith(whole) for n in names):
-            parts[-1] = whole
-        else:
-            parts.append(piece)
-    return [part.strip() if part not in names else part for part in parts]
+def labels_of(lines: list[tuple[int, str]]) -> dict[int, list[Item]]:
+    """Return the lines that only say to which scan or strip those below belong, if there are several alike."""
+    worded = [(i, line.strip("#%/! \t")) for i, line in lines if len(line) < _LONG]
+    worded = [(i, _TIME_SAID.sub(r"\1.\2", _NUMBER_SIGN.sub(" ", line))) for i, line in worded]
+    timed = {i: items(f"t = {time}") for i, time in _timed(worded).items()}
+    worded = [(i, line) for i, line in worded if _WORDED.match(line)]
+    found = {i: parts for i, line in worded if is_label(parts := items(line))} or timed
+    kinds = Counter(tuple(item.name for item in parts) for parts in found.values())
+    return {i: parts for i, parts in found.items() if kinds[tuple(p.name for p in parts)] >= _FEW_BLOCKS}
 
 
-def answered_block(clues: Clues) -> list[str]:
-    """Return the columns of the answer "readings": from one to another, or in the order in which they are named."""
-    answer, names = clues.answers["readings"], clues.table.names
-    block: list[str] = []
-    for part in _parts(answer, names):
-        first, dots, last = part.partition("..")
-        if first not in names or (dots and last not in names):
-            raise OptionError(
-                f"--answer readings={answer}: {part!r} is no column; name the first and the last, as in "
-                f"{names[0]}..{names[-1]}, or all in the strips' order, with commas between them"
-            )
-        block += names[names.index(first) : names.index(last if dots else first) + 1]
-    wide = clues.sensor.strips * len(clues.expected) if clues.sensor else len(block)
-    if len(block) != wide:
-        raise OptionError(
-            f"--answer readings={answer}: these are {len(block)} columns, and the sensor has {wide} readings"
-        )
-    return block
-
-
-def readings_of_block(
-    clues: Clues, block: list[str], known: dict[str, Meaning], which: str
-) -> dict[str, Meaning]:
-    """Return columns as the readings of the strips in their order, h and l as the readings allow."""
-    channels = 1 if which else max(len(clues.expected), 1)
-    clues.counted = True
-    strips = len(block) // channels
-    answer = clues.choice("strip_order", ("ascending", "descending"))
-    told, line = strips_order_said(clues.table.preamble, strips)
-    if told == "?" and not answer:
-        clues.ask(
-            "strip_order",
-            f"a line above the columns, which have no names, says {line.strip()[:80]!r}: does the first strip stand "
-            "first (ascending), or the last (descending)?",
-            "ascending",
-            "descending",
-        )
-    elif told and not answer:
-        answer = told
-        end = "first" if told == "ascending" else "last"
-        clues.because(f"the {end} strip's columns stand first, as the log says: {line.strip()[:80]!r}")
-    low_first = channels == 2 and order_said(clues.table.preamble) == "lh"
-    order = (
-        order_of_ends(clues, block, f"{block[0]} to {block[-1]} are two for each strip", low_first)
-        if channels == 2
-        else ""
-    )
-    at = [
-        (n, 0) if channels == 1 else divmod(n, 2) if order == "alternating" else (n % strips, n // strips)
-        for n in range(len(block))
-    ]
-    at = [(strip, 1 - end) for strip, end in at] if low_first else at
-    if answer == "descending":
-        at = [(strips - 1 - strip, end) for strip, end in at]
-    return {
-        name: Meaning(
-            "reading", "" if which or not clues.expected else clues.expected[end], strip, known[name].unit
-        )
-        for name, (strip, end) in zip(block, at, strict=True)
+def _timed(lines: list[tuple[int, str]]) -> dict[int, str]:
+    """Return the times of lines of words of one form with a number and its unit of time, evenly above their blocks."""
+    found = {
+        i: m
+        for i, line in lines
+        if len(m := [*_IN_TIME.finditer(line)]) == 1 and not re.search(r"[;\t|]", line)
     }
+    texts = dict(lines)
+    forms = Counter(re.sub(r"\d+(?:\.\d+)?", "0", texts[i]) for i in found)
+    if (
+        not forms
+        or len(forms) > 1
+        or sum(forms.values()) < _FEW_BLOCKS
+        or len(re.findall("0", next(iter(forms)))) > 2
+    ):
+        return {}
+    first, *gaps = [b - a for a, b in itertools.pairwise(found)] or [0]
+    times = [float(m[0][1]) for m in found.values()]
+    # The first block may have names besides.
+    even = len({*gaps}) == 1 and 0 <= first - gaps[0] <= 2 < gaps[0]
+    even = even and all(a < b for a, b in itertools.pairwise(times))
+    return {i: m[0].group() for i, m in found.items()} if even else {}
+
+
+def in_blocks(table: Table, labels: dict[int, list[Item]], blank: set[int]) -> Table:
+    """Return a table with what the lines between its blocks say as columns, and each line's place in its block."""
+    if not table.rows:
+        return table
+    if labels:
+        table = _with_empty_blocks(table, labels)
+    marks = sorted(labels) if labels else sorted(i for i in blank if table.lines[0] < i < table.lines[-1])
+    blocks = [bisect.bisect_right(marks, line) for line in table.lines]
+    sizes = Counter(blocks)
+    rows, names = table.rows, table.names
+    if labels:
+        keys = tuple(dict.fromkeys(item.name for found in labels.values() for item in found))
+        state, columns = dict.fromkeys(keys, ""), []
+        pending = iter(sorted(labels))
+        following = next(pending, None)
+        for line in table.lines:
+            while following is not None and following <= line:
+                state |= {item.name: item.values[0].replace(".", table.decimal) for item in labels[following]}
+                following = next(pending, None)
+            columns.append(list(state.values()))
+        if any("" in column for column in columns):
+            raise ReadingError(
+                f"line {table.lines[0]}: no {' or '.join(keys)} above it, as there is above others"
+            )
+        rows = [[*column, *row] for column, row in zip(columns, rows, strict=True)]
+        names = (*keys, *names)
+    if not labels and _scans_of(table, blocks):
+        told = f"{len(sizes)} blocks between empty lines: a scan each"
+        rows = [[str(block), *row] for block, row in zip(blocks, rows, strict=True)]
+        return replace(table, names=("scan", *names), rows=rows, remarks=(*table.remarks, told))
+    if len(sizes) >= _FEW_BLOCKS and len(set(sizes.values())) == 1 and sizes[blocks[0]] > 1:
+        places = [n % sizes[blocks[0]] for n in range(len(blocks))]
+        rows = [[*row, str(place)] for row, place in zip(rows, places, strict=True)]
+        names = (*names, ROW)
+    if names == table.names:
+        return table
+    told = f"{len(sizes)} blocks" + (f", each below its {' and '.join(keys)}" if labels else "")
+    return replace(table, names=names, rows=rows, remarks=(*table.remarks, told))
+
+
+def _with_empty_blocks(table: Table, labels: dict[int, list[Item]]) -> Table:
+    """Return a table with a row for each scan, or time, below which nothing stands before the next."""
+    heading: dict[str, int] = {}  # labels below which no row has come yet, and their lines
+    void = []
+    for line in sorted([*labels, *table.lines]):
+        named = {i.name for i in labels.get(line, []) if meaning(i.name).role in ("scan", "time")}
+        if line not in labels or named & {*heading}:
+            void += [min(heading.values())] if line in labels else []
+            heading = {}
+        heading |= dict.fromkeys(named, line)
+    strips = [n for n, m in meanings(table.names).items() if m.role == "strip"]
+    cut = [min(heading.values())] if heading else []  # the last: what stood below it may be cut
+    if void and len(strips) != 1:
+        void, cut = [], [*void, *cut]
+    if not void:
+        return replace(table, broken=(*table.broken, *cut))
+    place = table.places[strips[0]]
+    nothing = [table.rows[0][n] if n == place else "" for n in range(len(table.names))]
+    both = sorted([*zip(table.lines, table.rows, strict=True), *((line, nothing) for line in void)])
+    told = f"{len(void)} block(s) without a line: nothing touches in them"
+    return replace(
+        table, rows=[row for _, row in both], lines=[i for i, _ in both], remarks=(*table.remarks, told),
+        broken=(*table.broken, *cut), empty=table.empty | {*void},
+    )  # fmt: skip
+
+
+def _scans_of(table: Table, blocks: list[int]) -> bool:
+    """Return whether blocks between empty lines are scans of strips: none comes twice in one, and most come again."""
+    said = meanings(table.names)
+    strips = [n for n, m in said.items() if m.role == "strip"]
+    roles = {m.role for m in said.values()}
+    if len(strips) != 1 or roles & {"time", "scan", "which"} or len(set(blocks)) < _FEW_BLOCKS:
+        return False
+    there: dict[int, list[str]] = {}
+    for block, strip in zip(blocks, table.column(strips[0]), strict=True):
+        there.setdefault(block, []).append(strip)
+    again = [bool({*a} & {*b}) for a, b in itertools.pairwise(there.values())]
+    return all(len({*s}) == len(s) for s in there.values()) and 2 * sum(again) > len(again)

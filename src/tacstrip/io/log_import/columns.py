@@ -6,8 +6,8 @@ import re
 from dataclasses import dataclass, field, replace
 
 from tacstrip.errors import ReadingError
-from tacstrip.io.log_import.blocks import answered_block, readings_of_block
 from tacstrip.io.log_import.changes import ask_which_part
+from tacstrip.io.log_import.column_blocks import answered_block, readings_of_block
 from tacstrip.io.log_import.contents import are_times, is_numeric, may_label_strips
 from tacstrip.io.log_import.ends import ends_of_columns, in_one_unit
 from tacstrip.io.log_import.fields import number_of

@@ -21,11 +21,15 @@ import numpy.typing as npt
 from tacstrip.errors import OptionError, ReadingError
 from tacstrip.files import why_unreadable
 from tacstrip.io.log_import.arrays import of_arrays
-from tacstrip.io.log_import.names import meaning, meanings, pair_of
+from tacstrip.io.log_import.decoding import decoded
+from tacstrip.io.log_import.headed import decimal_mark, headed
+from tacstrip.io.log_import.names import meanings
 from tacstrip.io.log_import.shape import in_normal_form
-from tacstrip.io.log_import.table import Table, decimal_mark, headed, text_of
-from tacstrip.io.log_import.text import decoded, of_text
+from tacstrip.io.log_import.sheets import numbered_scans, of_scans, of_two_channels
+from tacstrip.io.log_import.table import Table, text_of
+from tacstrip.io.log_import.text import of_text
 
+ALL = "all"  # sheets of one form
 _MOST_UNPACKED = 2**28  # bytes
 _MOST_ROWS = 2**20  # of a sheet, as the form sets it
 _MOST_NUMBERS = 2**25  # of a file: as many take gigabytes
@@ -45,7 +49,7 @@ def read_table(path: str | Path, sheet: str | None = None) -> Table:
     path
         The file.
     sheet
-        Of a workbook; None: its only one that holds readings.
+        Of a workbook; None: its only one that holds readings, or scans in turn; "all": those of one form.
 
     Raises
     ------
@@ -161,38 +165,32 @@ def _cells(sheet: Any, file: Path) -> list[list[Any]]:
 
 
 def _of_workbook(file: Path, sheets: dict[str, list[list[Any]]], name: str | None) -> Table:
-    if name is not None and name not in sheets:
+    if name is not None and name not in (*sheets, ALL):
         raise ReadingError(f"{file}: no sheet {name!r}; it has: {', '.join(sheets) or 'nothing'}")
     if not sheets:
         raise ReadingError(f"{file}: the workbook is empty")
-    if name is not None or len(sheets) == 1:
-        return _of_cells(sheets[name or next(iter(sheets))], file)
+    if name in sheets or len(sheets) == 1:
+        return _of_cells(sheets[name if name in sheets else next(iter(sheets))], file)
     tables = {}
     for title, rows in sheets.items():
         with suppress(ReadingError):  # as of a sheet of notes
             tables[title] = _of_cells(rows, file)
     read = [title for title, table in tables.items() if table.named and table.rows and _holds_readings(table)]
     read = [title for title in read if _names_strips(tables[title])] or read
-    if len(read) == 2 and (both := _of_two_sheets({title: tables[title] for title in read})):
+    kept = {title: tables[title] for title in read}
+    if both := of_two_channels(kept):
         return both
+    one = of_scans(kept) if len(kept) > 1 else None
+    if one is not None and (name == ALL or numbered_scans(read)):
+        return one
+    if name == ALL and len(read) > 1:
+        raise ReadingError(
+            f"{file}: sheets {', '.join(read)} are not of one form, or their times do not follow; choose one"
+        )
     if len(read) != 1:
-        raise SeveralSheets(", ".join(read or sheets))
+        raise SeveralSheets(", ".join([*(read or sheets), *([ALL] if one is not None else [])]))
     told = f"sheet {read[0]!r}: the only one with readings"
     return replace(tables[read[0]], remarks=(told, *tables[read[0]].remarks))
-
-
-def _of_two_sheets(tables: Mapping[str, Table]) -> Table | None:
-    """Return two sheets of the same columns, named for the two channels, as one table; None where they are none."""
-    (one, first), (other, second) = tables.items()
-    said = {meaning(one).channel, meaning(other).channel}
-    if first.names != second.names or not (said == {"h", "l"} or pair_of(said)):
-        return None
-    rows = [[title, *row] for title, table in tables.items() for row in table.rows]
-    told = f"sheets {one!r} and {other!r}: the two channels of the same scans"
-    return Table(
-        ("channel", *first.names), rows, [*first.lines, *second.lines], first.decimal, True, (told, *first.remarks),
-        broken=(*first.broken, *second.broken), preamble=(*first.preamble, *second.preamble),
-    )  # fmt: skip
 
 
 def _holds_readings(table: Table) -> bool:

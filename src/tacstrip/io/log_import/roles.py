@@ -7,7 +7,7 @@ import re
 
 import numpy as np
 
-from tacstrip.io.log_import.blocks import answered_block
+from tacstrip.io.log_import.column_blocks import answered_block
 from tacstrip.io.log_import.contents import are_times, are_whole, comes_again, counts_up, rises_as_a_clock
 from tacstrip.io.log_import.fields import clock_seconds, number_of
 from tacstrip.io.log_import.names import (

@@ -19,6 +19,7 @@ _INFLUX = re.compile(
 _TOPIC = re.compile(
     r"(?:(?=\S*\d)\S++\s++){0,3}/?([A-Za-z][\w.-]*(?:/[\w.-]+)+):?\s+(\S.*)"
 )  # perhaps behind a time
+_SAMPLED = re.compile(r"([A-Za-z][\w-]*(?:\.[\w-]+)+)\s+(\S+)(?=\s+1\d{9,18}\s*\Z).*")  # as Graphite has it
 _KEY = re.compile(r"[A-Za-z_][\w.-]*(?=\"?\s*[:=])")
 
 
@@ -32,7 +33,7 @@ def without_other_series(text: str) -> tuple[str, str]:
     "line(s) 3, 6: of 'pad/temperature', no strip's; passed over"
     """
     lines = [(n, line.strip()) for n, line in numbered(text) if line.strip() and not line.startswith("#")]
-    for form, keys_of in ((_INFLUX, _of_measurement), (_TOPIC, _of_topic)):
+    for form, keys_of in ((_INFLUX, _of_measurement), (_TOPIC, _of_topic), (_SAMPLED, _of_topic)):
         found = {n: m for n, line in lines if (m := form.fullmatch(line))}
         if len(found) < max(_STEADY * len(lines), 2):
             continue
@@ -63,7 +64,7 @@ def _of_measurement(line: re.Match[str]) -> bool:
 
 def _of_topic(line: re.Match[str]) -> bool:
     """Return whether the end of a topic, or the keys of what it carries, name a strip, a channel, a scan or a time."""
-    parts = line[1].split("/")[-_DEEP:]
+    parts = re.split(r"[/.]", line[1])[-_DEEP:]
     ends = [" ".join(parts[n:]) for n in range(len(parts))]
     said = any(meaning(end).role and re.search(r"[A-Za-z]{2}|\b[A-Za-z]\d", end) for end in ends)
     return said or any(map(_is_of_strip, _KEY.findall(line[2])))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -10,7 +9,14 @@ from dataclasses import replace
 import numpy as np
 
 from tacstrip.errors import ReadingError
-from tacstrip.io.log_import.fields import array_of, clock_seconds, is_date, number_of, quantity, says_nothing
+from tacstrip.io.log_import.clocks import (
+    of_clock_parts,
+    of_day_and_clock,
+    of_one_clock,
+    of_two_numbers,
+    of_unknown_name,
+)
+from tacstrip.io.log_import.fields import array_of, clock_seconds, number_of, quantity, says_nothing
 from tacstrip.io.log_import.names import (
     CHANNELS,
     IN_VOLTS,
@@ -20,27 +26,15 @@ from tacstrip.io.log_import.names import (
     meaning,
     meanings,
 )
-from tacstrip.io.log_import.table import ROW, Table, flattened
+from tacstrip.io.log_import.table import Table, flattened
+from tacstrip.io.log_import.upright import of_several_scans, transposed, upright
 
 _ARRAYS = 0.5  # of a column's fields that say something: then it is one of arrays
-_WHOLE_SECONDS = r"(?:[\d/.-]+[T ])?\d{1,2}:\d\d:\d\d"
 _UNITS_COLUMN = re.compile(
     r"(?:\w+[ _.])?(?:units?|einheit(?:en)?|unit\u00e9s?|unidad|unit\u00e0)(?:[ _.]\w+)?", re.I
 )
 _FEW_KEYS, _SHOWN = 3, 5  # names of strips in a column; lines that are quoted
 _FEW_BLANKS = 0.25  # of the rows: where more have no time, cells are merged
-_CLOCK_PARTS = (
-    r"hours?|hh|stunden?|heures?|horas?|ore?", r"min(?:ute[ns]?|utos?|uti)?|mm",
-    r"s(?:ec(?:ond[ieos]*)?|ek(?:unden?)?)?|ss",
-    r"ms|millis(?:econds?)?|msec",
-)  # fmt: skip
-_CORNER = re.compile(r"(\w+)\s*[\\/|]\s*(t|time|zeit)\s*(?:[\[(]?(\w+)[\])]?)?", re.I)
-_SCAN_IN_NAME = re.compile(r"\W*(t|time|zeit|scan|frame|sample)\W*([+-]?\d+(?:\.\d+)?)\s*(\w*)\W*\Z", re.I)
-_TIME_AS_NAME = re.compile(
-    r"(?:at |@ ?|after |nach |bei )?([+-]?\d+(?:[.,]\d+)?)\s*([a-z\u00b5]*)\s*(?:[\[(/]\s*(\w+)\s*[\])]?)?",
-    re.I,
-)
-_EVEN = 0.02  # of a step: so much may the others differ
 
 
 def in_normal_form(table: Table) -> Table:
@@ -50,8 +44,9 @@ def in_normal_form(table: Table) -> Table:
     two, merged cells are filled, a column that only counts the rows is left out, and columns of scans become rows.
     """
     steps: tuple[Callable[[Table], Table], ...] = (
-        _without_empty, _of_several_scans, _of_clock_parts, _of_day_and_clock, _of_one_clock, _of_two_numbers,
-        _transposed, _spread, _upright, _without_units, _of_strips_only, _of_unit_column, _in_one_unit, _split_keys,
+        _without_empty, of_several_scans, of_clock_parts, of_day_and_clock, of_one_clock, of_unknown_name,
+        of_two_numbers,
+        transposed, _spread, upright, _without_units, _of_strips_only, _of_unit_column, _in_one_unit, _split_keys,
         _filled, _without_index,
     )  # fmt: skip
     for step in steps:
@@ -59,152 +54,11 @@ def in_normal_form(table: Table) -> Table:
     return table
 
 
-def _with(table: Table, columns: dict[str, list[str]], *remarks: str) -> Table:
-    rows = [list(row) for row in zip(*columns.values(), strict=True)]
-    return replace(table, names=tuple(columns), rows=rows, remarks=(*table.remarks, *remarks))
-
-
 def _without_empty(table: Table) -> Table:
     """Leave out columns without a name and without a field, as where lines end with several separators."""
     columns = {n: table.column(n) for n in table.names}
     kept = {n: f for n, f in columns.items() if any(f) or not re.fullmatch(r"column \d+", n)}
-    return _with(table, kept) if table.named and 0 < len(kept) < len(columns) else table
-
-
-def _of_several_scans(table: Table) -> Table:
-    """Put scans that stand beside each other in a line, each with its time before the same names, below each other."""
-    plain = [re.sub(r" \((?:column )?\d+\)\Z", "", name) for name in table.names]
-    width = next((n for n in range(2, len(plain) // 2 + 1) if plain[n + 1 : 2 * n] == plain[1:n]), 0)
-    if not table.named or not width or len(plain) % width:
-        return table
-    starts = range(0, len(plain), width)
-    times = [meaning(re.sub(r"(?<=[^\W\d_])_?\d+(?=_|\b)", "", plain[n], count=1)) for n in starts]
-    if any(plain[n + 1 : n + width] != plain[1:width] for n in starts):
-        return table
-    if any(m.role != "time" or m.unit != times[0].unit for m in times):
-        return table
-    rows = [row[n : n + width] for row in table.rows for n in starts]
-    at = [number_of(row[0], table.decimal) for row in rows]
-    if any(a is None or b is None or b <= a for a, b in itertools.pairwise(at)):
-        return table
-    lines = [line for line in table.lines for _ in starts]
-    name = f"time [{times[0].unit}]" if times[0].unit else "time"
-    said = (
-        *table.remarks,
-        f"{', '.join(plain[n] for n in starts)}: {len(starts)} scans in each line, one after another",
-    )
-    return replace(table, names=(name, *plain[1:width]), rows=rows, lines=lines, remarks=said)
-
-
-def _of_day_and_clock(table: Table) -> Table:
-    """Put dates that stand in a column of their own, and are not all one, before the times of day."""
-    dates = [n for n in table.names if len(fields := {*table.column(n)}) > 1 and all(map(is_date, fields))]
-    clocks = [
-        n for n in table.names
-        if n not in dates and all(":" in f and clock_seconds(f) is not None for f in table.column(n))
-    ]  # fmt: skip
-    if len(dates) != 1 or len(clocks) != 1 or clock_seconds(f"{table.column(dates[0])[0]} 0:00:00") is None:
-        return table
-    columns = {n: table.column(n) for n in table.names if n != dates[0]}
-    days = table.column(dates[0])
-    columns[clocks[0]] = [f"{d.strip()} {t}" for d, t in zip(days, columns[clocks[0]], strict=True)]
-    return _with(table, columns, f"{dates[0]} and {clocks[0]}: a date and a time of day")
-
-
-def _of_clock_parts(table: Table) -> Table:
-    """Put hours, minutes and seconds that stand in columns of their own, perhaps with milliseconds, into one clock."""
-    found = [[n for n in table.names if re.fullmatch(word, n.strip(), re.I)] for word in _CLOCK_PARTS]
-    if any(len(names) != 1 for names in found[:3]) or len(found[3]) > 1:
-        return table
-    names = [names[0] for names in found if names]
-    fields = [table.column(n) for n in names]
-    if not all(re.fullmatch(r"\d{1,2}", f) for column in fields[:2] for f in column):
-        return table
-    if not all(re.fullmatch(r"\d{1,2}([.,]\d+)?", f) for f in fields[2]) or not all(
-        f.isdigit() for column in fields[3:] for f in column
-    ):
-        return table
-    clock = [
-        f"{h}:{m:0>2}:{s if s[1:2].isdigit() else '0' + s}{'.' + rest[0].zfill(3) if rest else ''}"
-        for h, m, s, *rest in zip(*fields, strict=True)
-    ]
-    columns = {"clock": clock} | {n: table.column(n) for n in table.names if n not in names}
-    return _with(table, columns, f"{', '.join(names)}: parts of one clock")
-
-
-def _of_one_clock(table: Table) -> Table:
-    """Put milliseconds that stand in a column of their own behind the seconds of a clock."""
-    clocks = [n for n in table.names if all(re.fullmatch(_WHOLE_SECONDS, f) for f in table.column(n))]
-    for name in [n for n in table.names if re.fullmatch(r"frac\w*[ _]sec\w*", n, re.I)]:
-        columns = {n: table.column(n) for n in table.names if n != name}
-        if len(clocks) == 1 and all(re.fullmatch(r"0?\.\d+|0", f) for f in table.column(name)):
-            columns[clocks[0]] = [
-                f"{a}.{b.partition('.')[2] or 0}"
-                for a, b in zip(columns[clocks[0]], table.column(name), strict=True)
-            ]
-            return _with(table, columns, f"{clocks[0]} and {name}: a clock and the parts of its seconds")
-    for name in [n for n in table.names if (m := meaning(n)).role == "time" and m.unit in ("ms", "us")]:
-        digits, fields = {"ms": 3, "us": 6}[meaning(name).unit], table.column(name)
-        if len(clocks) != 1 or not all(f.isdigit() and len(f) <= digits for f in fields):
-            continue
-        columns = {n: table.column(n) for n in table.names if n != name}
-        columns[clocks[0]] = [f"{a}.{b:0>{digits}}" for a, b in zip(columns[clocks[0]], fields, strict=True)]
-        times = [clock_seconds(f) or 0.0 for f in columns[clocks[0]]]
-        if not any(b < a for a, b in itertools.pairwise(times)):
-            return _with(table, columns, f"{clocks[0]} and {name}: a clock and the parts of its seconds")
-    return table
-
-
-def _of_two_numbers(table: Table) -> Table:
-    """Put nanoseconds that stand in a column of their own behind the seconds, as ROS writes a time."""
-    parts = {
-        n: m for n in table.names if (m := re.fullmatch(r"(.*?)n(?:ano)?_?sec(?:ond)?s?", n, re.IGNORECASE))
-    }
-    for name, found in parts.items():
-        whole = [
-            n for n in table.names if re.fullmatch(re.escape(found[1]) + r"sec(?:ond)?s?", n, re.IGNORECASE)
-        ]
-        if len(whole) != 1 or not all(f.isdigit() for n in (whole[0], name) for f in table.column(n)):
-            continue
-        columns = {n: table.column(n) for n in table.names if n != name}
-        columns[whole[0]] = [
-            f"{a}{int(b):09d}" for a, b in zip(columns[whole[0]], table.column(name), strict=True)
-        ]
-        columns = {f"{n} [ns]" if n == whole[0] else n: f for n, f in columns.items()}
-        return _with(table, columns, f"{whole[0]} and {name}: seconds and their parts")
-    return table
-
-
-def _transposed(table: Table) -> Table:
-    """Turn a table whose lines begin with their names, perhaps of several fields, each of other values."""
-    joined = _with_labels_in_one(table)
-    names = joined.column(joined.names[0])
-    roles = [meaning(name).role for name in names]
-    if table.named or len(joined.names) < 3 or not all(roles) or any(number_of(n) is not None for n in names):
-        return table
-    if len(set(names)) < len(names) or len(names) < 2 or "reading" not in roles:
-        return table
-    rows = [list(row) for row in zip(*(row[1:] for row in joined.rows), strict=True)]
-    told = (*table.remarks, "the first field of each line is its name, so scans are columns")
-    lines = [table.lines[0]] * len(rows)
-    return replace(table, names=tuple(names), rows=rows, lines=lines, named=True, remarks=told)
-
-
-def _with_labels_in_one(table: Table) -> Table:
-    """Join the words with which lines begin, as "V_H [V]" and "strip 3", where the first line is of times."""
-    top = table.rows[0]
-    first = next((n for n, cell in enumerate(top) if number_of(cell, table.decimal) is not None), 0)
-    times = [number_of(cell, table.decimal) for cell in top[first:]]
-    if table.named or first < 2 or meaning(top[0]).role != "time" or len(times) < 2 or None in times:
-        return table
-    if any(b <= a for a, b in itertools.pairwise(times)):  # type: ignore[operator]
-        return table
-    labels = [row[:first] for row in table.rows[1:]]
-    if any(not cell or number_of(cell) is not None for row in labels for cell in row):
-        return table
-    joined = [top[0], *(" ".join(row) for row in labels)]
-    rows = [[name, *row[first:]] for name, row in zip(joined, table.rows, strict=True)]
-    return replace(table, names=(table.names[0], *table.names[first:]), rows=rows)
+    return table.with_columns(kept) if table.named and 0 < len(kept) < len(columns) else table
 
 
 def _in_one_unit(table: Table) -> Table:
@@ -224,7 +78,7 @@ def _in_one_unit(table: Table) -> Table:
             key = re.sub(r"[\s_]*[\[(]?mV[\])]?", "", name) + " [V]"
         columns[key] = fields
     told = "millivolts beside volts: all in volts"
-    return _with(table, columns, told) if len(columns) == len(table.names) else table
+    return table.with_columns(columns, told) if len(columns) == len(table.names) else table
 
 
 def _spread(table: Table) -> Table:
@@ -244,7 +98,7 @@ def _spread(table: Table) -> Table:
         told.append(f"{name}: arrays of {len(keys)}")
     if not told:
         return table
-    return _with(table, columns, *told)
+    return table.with_columns(columns, *told)
 
 
 def _without_units(table: Table) -> Table:
@@ -273,7 +127,7 @@ def _without_units(table: Table) -> Table:
             for q, f in zip(found, fields, strict=True)
         ]
         told.append(f"{name}: its fields say {' and '.join(sorted(units))}")
-    return _with(table, columns, *told) if told else table
+    return table.with_columns(columns, *told) if told else table
 
 
 def _of_strips_only(table: Table) -> Table:
@@ -339,78 +193,7 @@ def _of_unit_column(table: Table) -> Table:
                 for f, v, u in zip(fields, read, said, strict=True)
             ]
         columns[f"{name} [{unit}]" if name in readings else name] = fields
-    return _with(table, columns, f"{named[0]}: the readings are in {' and '.join(sorted(units))}")
-
-
-def _upright(table: Table) -> Table:
-    """Turn a table whose columns are scans, named by their times or numbers, into one of rows."""
-    corner = next((m for n in table.names if (m := _CORNER.fullmatch(n))), None)
-    if corner and table.named:  # as in "strip \\ t(s), 0.0, 0.5, ..."
-        plain = [
-            corner[1] if n == corner[0] else f"t={n} {corner[3] or ''}" if number_of(n) is not None else n
-            for n in table.names
-        ]
-        table = replace(table, names=tuple(plain))
-    scans = {n: m for n in table.names if (m := _SCAN_IN_NAME.match(n))}
-    if not scans and table.named and (upright := _of_bare_times(table)):
-        return upright
-    others = [n for n in table.names if n not in scans and n != ROW]
-    if len(scans) < 2 or not 1 <= len(others) <= 2 or len(scans) < len(others):
-        return table
-    word, _, unit = next(iter(scans.values())).groups()
-    if any(m[1] != word or m[3] != unit or (unit and unit not in TIME_UNITS) for m in scans.values()):
-        return table
-    named = f"{word} [{unit}]" if unit else word
-    return _with_scans_as_rows(table, {n: m[2] for n, m in scans.items()}, named, others, "value")
-
-
-def _of_bare_times(table: Table) -> Table | None:
-    """Turn a table whose columns are named by nothing but times, as "100 ms", beside a column of the strip.
-
-    Numbers without a unit count if they rise evenly; those that go up by one are numbers of scans. None where there
-    are no such columns.
-    """
-    found = {n: m for n in table.names if (m := _TIME_AS_NAME.fullmatch(n.strip()))}
-    others = [n for n in table.names if n not in found and n != ROW]
-    strip = any(m.role == "strip" for m in meanings(others).values())
-    if len(found) < 2 or not (strip or _holds_keys(table, others)):
-        return None
-    units = {UNITS.get(m[2], UNITS.get(m[2].lower(), "?")) if m[2] else "" for m in found.values()}
-    of_values = {m[3] or "" for m in found.values()}
-    times = [float(m[1].replace(",", ".")) for m in found.values()]
-    steps = np.diff(times)
-    if len(units) > 1 or len(of_values) > 1 or not (steps > 0.0).all():
-        return None
-    unit, of_value = units.pop(), of_values.pop()
-    if (unit and unit not in TIME_UNITS) or (of_value and UNITS.get(of_value.lower()) not in READING_UNITS):
-        return None
-    if not unit and (len(steps) < 2 or np.ptp(steps) > _EVEN * steps.min()):
-        return None
-    word = f"time [{unit}]" if unit else "scan" if (steps == 1.0).all() else "time"
-    value = f"value [{of_value}]" if of_value else "value"
-    scans = {n: m[1].replace(",", ".") for n, m in found.items()}
-    return _with_scans_as_rows(table, scans, word, others, value)
-
-
-def _holds_keys(table: Table, names: list[str]) -> bool:
-    """Return whether a column holds strip and channel in one, such as "3H"."""
-    kinds = [meanings(sorted({*table.column(n)})).values() for n in names]
-    return any(len(k) > 1 and all(m.strip is not None and m.channel for m in k) for k in kinds)
-
-
-def _with_scans_as_rows(
-    table: Table, scans: dict[str, str], word: str, others: list[str], value: str
-) -> Table:
-    """Return a row for each row of each column that is a scan, with its time or number."""
-    places = [table.places[n] for n in others]
-    rows, lines = [], []
-    for name, at in scans.items():
-        place = table.places[name]
-        for line, row in zip(table.lines, table.rows, strict=True):
-            rows.append([at.replace(".", table.decimal), *(row[p] for p in places), row[place]])
-            lines.append(line)
-    said = (*table.remarks, f"{next(iter(scans))} ...: the columns are scans")
-    return replace(table, names=(word, *others, value), rows=rows, lines=lines, remarks=said)
+    return table.with_columns(columns, f"{named[0]}: the readings are in {' and '.join(sorted(units))}")
 
 
 def _split_keys(table: Table) -> Table:
@@ -431,7 +214,7 @@ def _split_keys(table: Table) -> Table:
         columns["channel"] = [kinds[f].channel for f in fields]
         if len(columns) < len(table.names) + 1:  # there is such a column already
             continue
-        return _with(table, columns, f"{name}: strip and channel in one, such as {fields[0]!r}")
+        return table.with_columns(columns, f"{name}: strip and channel in one, such as {fields[0]!r}")
     return table
 
 
@@ -471,7 +254,7 @@ def _filled(table: Table) -> Table:
             filled.append(last)
         columns[name] = filled
         told.append(f"{name}: empty fields are filled with the one above")
-    return _with(table, columns, *told) if told else table
+    return table.with_columns(columns, *told) if told else table
 
 
 def _without_index(table: Table) -> Table:
@@ -486,4 +269,4 @@ def _without_index(table: Table) -> Table:
     if None in numbers or len(numbers) < 2 or (np.diff(np.array(numbers, dtype=float)) != 1.0).any():
         return table
     columns = {n: table.column(n) for n in table.names[1:]}
-    return _with(table, columns, f"{first}: only counts the lines")
+    return table.with_columns(columns, f"{first}: only counts the lines")

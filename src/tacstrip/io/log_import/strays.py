@@ -148,6 +148,11 @@ def numbered(text: str) -> list[tuple[int, str]]:
     return list(enumerate(re.split(r"\r\n|\r\r\n|\n|\r", text), 1))
 
 
+def filled_lines(text: str) -> list[tuple[int, str]]:
+    """Return a text's lines that are not blank with their numbers, from 1."""
+    return [(n, line.strip()) for n, line in numbered(text) if line.strip()]
+
+
 def with_retries(text: str, read: Read) -> Table:
     """Return the table of a text, of which `read` leaves lines out; with those that lines set aside would make of it.
 

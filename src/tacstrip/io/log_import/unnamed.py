@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 
-from tacstrip.io.log_import.blocks import ask_for_block, readings_of_block
+from tacstrip.io.log_import.column_blocks import ask_for_block, readings_of_block
 from tacstrip.io.log_import.contents import (
     comes_again,
     count_strips,

@@ -1,0 +1,62 @@
+"""Lines that are cut within a number: the last of a log, or one in the middle of it."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections import Counter
+from dataclasses import replace
+
+from tacstrip.io.log_import.names import meanings
+from tacstrip.io.log_import.table import Table
+
+_FEW_LINES = 4  # of fewer, the length of the last number tells nothing
+_RARE = 0.05  # of the lines: more that are shorter are no accident
+_SHOWN = 5
+
+
+def without_cut_end(table: Table, text: str) -> Table:
+    """Return a table whose last line is a broken one, if the log ends within its last number."""
+    if text.endswith(("\n", "\r")) or len(table.rows) < _FEW_LINES:
+        return table
+    lines = re.split(r"\r\n|\r\r\n|\n|\r", text)
+    *padded, end_line = [lines[i - 1] for i in table.lines]
+    *others, last = [row[-1] for row in table.rows]
+    longer = [len(cell) for cell in others if cell]
+    if last or any(m.role == "strip" for m in meanings(table.names).values()):
+        cut = bool(last and longer) and len(last) < min(longer)
+    else:  # empty at the end, where the line before is not
+        end = len(list(itertools.takewhile(lambda cell: not cell, reversed(table.rows[-1]))))
+        cut = any(table.rows[-2][-end:])
+    # Where blanks fill each line up to one width, a shorter one is cut, even behind a whole number.
+    filled = len({*map(len, padded)}) == 1 and any("  " in line for line in padded)
+    if not cut and not (filled and len(end_line) < len(padded[0])):
+        return table
+    broken = (*table.broken, table.lines[-1])
+    return replace(table, rows=table.rows[:-1], lines=table.lines[:-1], broken=broken)
+
+
+def with_cut_lines_doubted(table: Table) -> Table:
+    """Return a table with a doubt where lines end within a number: with fewer decimals than all other numbers have.
+
+    That tells only where numbers are written with as many decimals each, in every column of readings.
+    """
+    said = meanings(table.names)
+    if len(table.rows) < _FEW_LINES or said[table.names[-1]].role != "reading":
+        return table
+    places = [table.places[n] for n, m in said.items() if m.role == "reading"]
+    number = re.compile(rf"[-+]?\d*\{table.decimal}(\d*)")
+    decimals = [
+        [len(m[1]) if (m := number.fullmatch(row[p])) else None for p in places] for row in table.rows
+    ]
+    others = {d for row in decimals for d in row[:-1] if d is not None}
+    last = Counter(row[-1] for row in decimals if row[-1] is not None)
+    usual = max(last, key=lambda d: last[d], default=0)
+    short = [n for n, row in enumerate(decimals) if row[-1] is not None and row[-1] < usual]
+    whole = [n for n, row in enumerate(table.rows) if re.fullmatch(r"[-+]?\d+", row[-1])]
+    short = sorted({*short, *whole})
+    if others != {usual} or usual < 2 or not short or len(short) > max(1, _RARE * len(table.rows)):
+        return table
+    shown = ", ".join(f"line {table.lines[n]} ({table.rows[n][-1]!r})" for n in short[:_SHOWN])
+    said_of = f"{shown}: the last number has fewer decimals than all others: cut there? Taken as it stands"
+    return replace(table, doubts=(*table.doubts, said_of))

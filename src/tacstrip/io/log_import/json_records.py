@@ -1,0 +1,192 @@
+"""Records and lists of JSON, YAML or Python as a table."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from tacstrip.errors import ReadingError
+from tacstrip.io.log_import.fields import is_prose
+from tacstrip.io.log_import.gathered import touched_vary
+from tacstrip.io.log_import.literals import literal, literals
+from tacstrip.io.log_import.names import meaning
+from tacstrip.io.log_import.table import Table, flattened, of_records, said_above
+
+
+def of_literals(text: str, path: str | Path) -> Table | None:
+    """Return JSON or what Python prints as a table: lines of objects or lists, an array of them, an object of columns.
+
+    None where it is none of these.
+    """
+    if "[" not in text and "{" not in text:
+        return None
+    found, broken = _json(text, path) if text.lstrip()[:1] in ("{", "[") else ([], [])
+    around: list[tuple[int, str]] = []
+    if found is None or not any(isinstance(value, dict | list) for _, value in found):
+        found, around = literals(text)
+        broken = [i for i, line in around if re.search(r"\d", line) and not is_prose(line)]
+    if len(found) == 1 and isinstance(found[0][1], dict):
+        table = of_values(found[0][1], path)
+    else:
+        table = of_values(found, path, numbered=True)
+    if table is None:
+        return None
+    above = tuple(line for i, line in around if found and i < found[0][0])
+    quotes = {i: line for i, line in around if i in broken}
+    return replace(table, broken=tuple(broken), quotes=quotes, preamble=(*above, *table.preamble))
+
+
+def of_values(
+    value: Any, path: str | Path, told: str = "records in JSON", *, numbered: bool = False
+) -> Table | None:
+    """Return records, lists or an object of columns as a table; None where they are none. Perhaps with their lines."""
+    above: tuple[str, ...] = ()
+    found = value if numbered else list(enumerate(_rows_of(value), 1))
+    if not numbered and isinstance(value, dict) and found[0][1] is not value:
+        above = said_above({k: v for k, v in value.items() if not isinstance(v, list)})
+    rows = [(i, row) for i, row in found if isinstance(row, list | tuple)]
+    if rows and len(rows) == len(found):
+        table = _of_lists(rows)
+        return table and replace(table, preamble=above)
+    records, lines = [], []
+    empty: set[int] = set()
+    exploded = [(i, row, _exploded(row)) for i, row in found if isinstance(row, dict)]
+    kinds = Counter(key for _, row, _ in exploded if (key := _list_within(row)))
+    inner = kinds.most_common(1)[0][0] if kinds else ""
+    names = {n: "" for _, _, many in exploded for r in many for n in r if n.startswith(f"{inner}.")}
+    strip = [n for n in names if meaning(n).role == "strip"]
+    shown = next((r[strip[0]] for _, _, many in exploded for r in many if strip and strip[0] in r), "")
+    for number, row, many in exploded:
+        parts = _unfolded("", row)
+        if inner and shown and parts.get(inner) == []:  # nothing touches in it
+            del parts[inner]
+            many = [flattened("", parts) | names | {strip[0]: shown}]
+            empty.add(number)
+        records += many
+        lines += [number] * len(many)
+    if not records:
+        return None
+    varied = touched_vary(records) > 1 and all(all(r.values()) for r in records)
+    remarks = [f"{len(empty)} scan(s) with an empty list: nothing touches in them"] if empty else []
+    table = of_records(records, lines, ".", told, *remarks)
+    return replace(table, preamble=above, varied=varied, empty=frozenset(empty))
+
+
+def _of_lists(rows: Sequence[tuple[int, Any]]) -> Table | None:
+    """Return lists of lists as a table without names, in the order of their places; None where the log is no table."""
+    table = of_records([flattened("", list(value)) for _, value in rows], [i for i, _ in rows])
+    order = sorted(table.names, key=lambda key: [int(n) for n in re.findall(r"\d+", key)])
+    if len(order) < 2 or any(re.search(r"[^\[\]\d]", key) for key in order):
+        return None
+    fields = [list(row) for row in zip(*(table.column(key) for key in order), strict=True)]
+    names = tuple(f"column {n + 1}" for n in range(len(order)))
+    return Table(names, fields, table.lines, named=False, remarks=("rows of lists",))
+
+
+def _json(text: str, path: str | Path) -> tuple[list[tuple[int, Any]] | None, list[int]]:
+    """Return the values of JSON, whole or in lines, with their lines, and the broken lines; None where it is none."""
+    plain = re.sub(r"(?<=[:\[, ])-?(?:NaN|Infinity)\b", "null", text)
+    found: list[tuple[int, Any]] = []
+    broken = []
+    try:
+        whole = json.loads(plain)
+    except RecursionError:
+        raise ReadingError(f"{path}: JSON of too many levels") from None
+    except ValueError:
+        for number, line in enumerate(plain.splitlines(), 1):
+            try:
+                found += [(number, json.loads(line.rstrip().rstrip(",")))] if line.strip() else []
+            except (ValueError, RecursionError):
+                value = literal(line)
+                if value is None:
+                    broken.append(number)
+                else:
+                    found.append((number, value))
+        if not any(isinstance(value, dict) for _, value in found) or len(found) < len(broken):
+            return None, []
+        if broken and broken[0] < found[0][0] and not plain.lstrip().startswith("{"):
+            del broken[0]  # the log begins in the middle of it
+        return found, broken
+    if isinstance(whole, dict):
+        return [(1, whole)], []
+    rows = list(enumerate(_rows_of(whole), 1))
+    if rows and not any(isinstance(r, dict | list) for _, r in rows):
+        return None, []
+    return rows, []
+
+
+def _rows_of(value: Any) -> list[Any]:
+    """Return a JSON value as records: itself, the list in it, or its columns turned."""
+    if isinstance(value, list):
+        return value
+    value = _with_names(value) if isinstance(value, dict) else value
+    lists = {k: v for k, v in value.items() if isinstance(v, list)} if isinstance(value, dict) else {}
+    tables = [v for v in lists.values() if v and all(isinstance(r, dict) for r in v)]
+    if len(tables) == 1 and len(lists) == 1 and len(tables[0]) > 1:
+        return tables[0]
+    if isinstance(value, dict) and any(
+        k not in lists and meaning(k).role in ("time", "scan") and not isinstance(v, dict)
+        for k, v in value.items()
+    ):
+        return [value]  # one scan
+    rows = [(k, v) for k, v in lists.items() if len(v) > 1 and all(isinstance(r, list) for r in v)]
+    if len(rows) == len(lists) == 1 and len({len(r) for r in rows[0][1]}) == 1:  # one matrix
+        key, matrix = rows[0]
+        return [list(c) for c in zip(*matrix, strict=True)] if meaning(key).role == "strip" else matrix
+    columns = lists
+    if isinstance(value, dict) and len(value) > 1 and all(isinstance(v, dict) for v in value.values()):
+        columns = {k: list(v.values()) for k, v in value.items()}  # as pandas writes it
+    if len(columns) > 1 and len({len(v) for v in columns.values()}) == 1:
+        return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+    return [value]
+
+
+def _with_names(record: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a record with records in place of lists of as many values as a list of names beside them has.
+
+    Examples
+    --------
+    >>> _with_names({"columns": ["strip", "h"], "data": [[0, 2.5], [1, 2.4]]})
+    {'entry': [{'strip': 0, 'h': 2.5}, {'strip': 1, 'h': 2.4}]}
+    """
+    lists = {k: v for k, v in record.items() if isinstance(v, list) and v}
+    named = [k for k, v in lists.items() if len(v) > 1 and all(isinstance(name, str) for name in v)]
+    rows = [
+        k for k, v in lists.items()
+        if len(named) == 1 and all(isinstance(row, list) and len(row) == len(lists[named[0]]) for row in v)
+    ]  # fmt: skip
+    if len(named) != 1 or len(rows) != 1 or len({*lists[named[0]]}) < len(lists[named[0]]):
+        return dict(record)
+    others = {k: v for k, v in record.items() if k not in (named[0], rows[0])}
+    return others | {"entry": [dict(zip(lists[named[0]], row, strict=True)) for row in lists[rows[0]]]}
+
+
+def _exploded(record: Mapping[str, Any]) -> list[dict[str, str]]:
+    """Return a record as rows: one, or one for each element of the only list of records that is in it."""
+    record = _with_names(record)
+    inner, parts = _list_within(record), _unfolded("", record)
+    if not inner:
+        return [flattened("", dict(record))]
+    outer = flattened("", {k: v for k, v in parts.items() if k != inner})
+    return [outer | flattened(inner, element) for element in parts[inner]]
+
+
+def _list_within(record: Mapping[str, Any]) -> str:
+    """Return the name of the only list of records that is in a record; "" where there is none, or several."""
+    parts = _unfolded("", _with_names(record))
+    inner = [k for k, v in parts.items() if isinstance(v, list) and v and all(isinstance(e, dict) for e in v)]
+    return inner[0] if len(inner) == 1 else ""
+
+
+def _unfolded(name: str, record: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a record with the parts of the records in it beside its own."""
+    parts: dict[str, Any] = {}
+    for key, value in record.items():
+        key = f"{name}.{key}" if name else str(key)
+        parts |= _unfolded(key, value) if isinstance(value, dict) and value else {key: value}
+    return parts

@@ -1,0 +1,148 @@
+"""YAML as records."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import Any
+
+from tacstrip.io.log_import.json_records import of_values
+from tacstrip.io.log_import.table import Table
+
+_FEW = 2  # records
+_ITEM = re.compile(r"\s*(?:- )*\s*(?:-|[\w.\"'/ -]+:(?:\s.*)?|- .*|---|\.\.\.|#.*)?")
+
+
+def yaml_documents(text: str) -> tuple[list[tuple[int, Any]], list[tuple[int, str]]]:
+    """Return the documents of a text in YAML with their lines, and its comments; nothing where it is none."""
+    comments = [
+        (i, line.strip()) for i, line in enumerate(text.splitlines(), 1) if re.search(r"(?:\A|\s)#\s", line)
+    ]
+    documents: list[tuple[int, list[str]]] = [(0, [])]
+    for i, line in enumerate(text.splitlines(), 1):
+        plain = re.sub(r"(?:\A|\s+)#\s.*", "", line).rstrip()
+        if plain in ("---", "...") or re.fullmatch(r"\s.*\w---", plain):  # as behind a message that ROS lost
+            documents.append((0, []))
+        elif plain and (plain.startswith("\t") or not (":" in plain or plain.lstrip().startswith("-"))):
+            comments.append((i, plain.strip()))  # no line of YAML
+        elif plain:
+            first, doc = documents[-1]
+            documents[-1] = (first or i, [*doc, plain])
+    every = [line for _, doc in documents for line in doc]
+    if not (
+        all(map(_ITEM.fullmatch, every))
+        and any(re.fullmatch(r"\s*(?:- )?[\w.\"' -]+:", line) for line in every)
+    ):
+        return [], []
+    try:
+        return [(i, _block(doc)[0]) for i, doc in documents if doc], comments
+    except (ValueError, RecursionError):
+        return [], []
+
+
+def of_yaml(text: str, path: str) -> Table | None:
+    """Return records in YAML as a table; None where the text is none."""
+    numbered = [
+        (i, line.rstrip())
+        for i, line in enumerate(text.splitlines(), 1)
+        if line.strip() and not line.lstrip().startswith("#")
+    ]
+    lines = [line for _, line in numbered]
+    blocks = any(re.fullmatch(r"\s*(?:- )?[\w.-]+:", line) for line in lines) or lines[:1] == ["---"]
+    lists = [line for line in lines if re.match(r"\s*- ", line)]
+    if not (blocks or lists) or not all(_ITEM.fullmatch(line) for line in lines):
+        return None
+    if not any(re.match(r"\s*- (?:\w+:|\S+\Z)", line) for line in lists):
+        return None
+    documents: list[tuple[int, list[str]]] = [(0, [])]
+    for i, line in numbered:
+        if line in ("---", "..."):
+            documents.append((0, []))
+        else:
+            first, doc = documents[-1]
+            doc.append(line)
+            documents[-1] = (first or i, doc)
+    try:
+        found = [(i, _block(doc)[0]) for i, doc in documents if doc]
+    except ValueError:
+        return None
+    if len(found) == 1:
+        value = found[0][1]
+        return of_values(value if isinstance(value, list) else [value], path, "documents in YAML")
+    keys = [set(_paths(value)) for _, value in found]
+    cut = len(found) > _FEW and (keys[-1] < set.intersection(*keys[:-1]) or _ends_within(text, documents))
+    table = of_values(found[: len(found) - cut], path, "documents in YAML", numbered=True)
+    return (
+        replace(table, broken=(found[-1][0],), quotes={found[-1][0]: "the last record"})
+        if table and cut
+        else table
+    )
+
+
+def _ends_within(text: str, documents: Sequence[tuple[int, list[str]]]) -> bool:
+    """Return whether a text ends within its last line: that is shorter than the last lines of all other documents."""
+    last = [len(doc[-1].strip()) for _, doc in documents if doc]
+    return not text.endswith(("\n", "\r")) and last[-1] < min(last[:-1])
+
+
+def _paths(value: Any, before: str = "") -> Iterable[str]:
+    """Yield the keys of all levels of a record."""
+    parts = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, inner in parts:
+        yield f"{before}{key}"
+        yield from _paths(inner, f"{before}{key}.")
+
+
+def _block(lines: list[str], start: int = 0) -> tuple[Any, int]:
+    """Return the value that begins at a line of YAML, and the line after it; `ValueError` where it is none."""
+    if start == len(lines):  # the log ends within it
+        return "", start
+    depth = len(lines[start]) - len(lines[start].lstrip())
+    listed = lines[start].lstrip().startswith("-")
+    many: list[Any] = []
+    named: dict[str, Any] = {}
+    n = start
+    while n < len(lines):
+        text = lines[n].lstrip()
+        inside = len(lines[n]) - len(text)
+        if inside < depth or (inside == depth and text.startswith("-") != listed):
+            break
+        if inside > depth:
+            raise ValueError(lines[n])
+        if listed:
+            rest = text[1:].lstrip()
+            if re.match(r"[\w.\"'-]+:(?:\s|\Z)", rest) or rest.startswith(
+                "- "
+            ):  # a record begins behind the dash
+                lines = [*lines[:n], " " * (inside + len(text) - len(rest)) + rest, *lines[n + 1 :]]
+                value, n = _block(lines, n)
+            elif rest:
+                value, n = _scalar(rest), n + 1
+            else:
+                value, n = _block(lines, n + 1)
+            many.append(value)
+            continue
+        key, colon, rest = text.partition(":")
+        if not colon:
+            raise ValueError(text)
+        n += 1
+        value = _scalar(rest.strip()) if rest.strip() else None
+        if not rest.strip() and n < len(lines):
+            below = lines[n].lstrip()
+            if len(lines[n]) - len(below) > depth or (
+                len(lines[n]) - len(below) == depth and below.startswith("-")
+            ):
+                value, n = _block(lines, n)
+        named[key.strip("\"' ")] = value
+    return (many if listed else named), n
+
+
+def _scalar(text: str) -> Any:
+    plain = re.sub(r"\s+#.*", "", text)
+    if plain[:1] in "[{":
+        quoted = re.sub(r"(?<![\w.\"])([A-Za-z_][\w.-]*)(?=\s*:)", r'"\1"', plain)
+        quoted = re.sub(r"(?<![\w\"])(?:[.]nan|nan|NaN|[.]NaN|None|~)(?![\w\"])", "null", quoted)
+        return json.loads(quoted)
+    return None if plain in ("~", "null") else plain.strip("\"'")
