@@ -49,8 +49,8 @@ def resolved_ends(
 
     >>> import shapely
     >>> slanted = shapely.Polygon([(0, 35), (10, 45), (10, 80), (0, 80)])
-    >>> [round(end, 3) for end in resolved_ends([slanted], 5.0, 10.0, 100.0)]
-    [37.794, 80.0]
+    >>> [round(end, 2) for end in resolved_ends([slanted], 5.0, 10.0, 100.0)]
+    [37.79, 80.0]
     """
     half = 0.5 * width_mm
     strip = shapely.box(x_mm - half, 0.0, x_mm + half, length_mm)
