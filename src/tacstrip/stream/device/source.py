@@ -8,6 +8,8 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import cast
 
+import numpy as np
+
 from tacstrip.arguments import takes
 from tacstrip.errors import PortError
 from tacstrip.sensor.layers import AnySensor, LayeredSensor, unit_of
@@ -149,8 +151,9 @@ class SerialSource:
         self._flood_s, self._flood_scans, self._flooded = 0.0, 0, False
         self._slow_from: _WindowStart | None = None
         self._slow_windows = 0  # in a row
-        self._last_s = 0.0  # the last scan's time by the device's clock
+        self._last_us = 0  # the last scan's time by the device's clock
         self._overslept = False  # a scan began a period too late, since the device was asked how often
+        self._asked_late = False  # how many began late, and the answer has not come
         self._own_s = 0.0  # when the device last identified itself
 
     @property
@@ -202,7 +205,7 @@ class SerialSource:
         patience_s = max(_SILENT_S, 4.0 * self._period_s)
         prompt_s = min(max(_PROMPT_S[0], self._period_s / 5.0), _PROMPT_S[1])
         asked_s, self._own_s = -_LATE_S, self._host()
-        self._overslept = False
+        self._overslept = self._asked_late = False
         heard_s, streaming, silent, corrupt = self._host(), False, False, self._decoder.counts.corrupt
         line_was_empty = False  # since the last scans
         identified = False  # the device restarted, identified itself, and has sent no scan since
@@ -247,6 +250,7 @@ class SerialSource:
                 self._check_rate(len(message), now_s)
                 prompt = now_s - began_s > prompt_s
                 self._check_slowness(message, now_s, line_was_empty)
+                self._check_lateness(message, line_was_empty)
                 for scans in self._timed(message, now_s, prompt, identified):
                     yield from self._release_scans(scans)
                 identified, line_was_empty, heard_s = False, False, self._host()  # likewise
@@ -258,7 +262,7 @@ class SerialSource:
             if self._held is not None:
                 self._ask_identity()
             elif self._overslept and now_s - asked_s > _LATE_S:
-                asked_s, self._overslept = now_s, False
+                asked_s, self._overslept, self._asked_late = now_s, False, True
                 self._write(Kind.IDENTIFY)  # the hello holds the count of late scans
             if self._host() - heard_s > patience_s:
                 heard_s = self._host()
@@ -314,9 +318,7 @@ class SerialSource:
                     yield scans[start:i]
                 start = i
                 self._hold_scans()
-            late = bool(self._wanted_period_us) and raw.time_s - self._last_s >= _LATE * self._period_s
-            self._overslept |= late and raw.sequence == self._due
-            self._due, self._last_s = raw.sequence + 1, raw.time_s
+            self._due = raw.sequence + 1
         yield scans[start:]
 
     def _with_possible_spans(self, batch: ScanBatch, now_s: float) -> list[RawScan]:
@@ -419,7 +421,8 @@ class SerialSource:
         self._own_s = now_s
         self._check_supply(hello, now_s)
         if hello.streaming:
-            self._troubles.check_late(hello.late, now_s)
+            self._troubles.check_late(hello.late, self._asked_late, now_s)
+            self._asked_late = False
 
     def _check_supply(self, hello: Hello, now_s: float) -> None:
         """Report a supply that cannot be the spec's Vref; 0 is one that was not measured."""
@@ -439,6 +442,15 @@ class SerialSource:
                 rates = f"{self._flood_scans / passed_s:.3g} scans a second, and {1.0 / self._period_s:.3g}"
                 self._troubles.say("flood", f"the device sends {rates} were asked for", now_s)
             self._flood_s, self._flood_scans, self._flooded = now_s, 0, flooded
+
+    def _check_lateness(self, batch: ScanBatch, line_was_empty: bool) -> None:
+        """Note scans that began a period too late though the reader was waiting, so that the device is asked."""
+        if line_was_empty and self._wanted_period_us and self._due is not None:
+            times_us = np.concatenate([[self._last_us], batch.time_us])
+            numbers = np.concatenate([[self._due - 1], batch.sequence])
+            late = np.diff(times_us) >= _LATE * 1e6 * self._period_s
+            self._overslept |= bool((late & (np.diff(numbers) == 1)).any())
+        self._last_us = int(batch.time_us[-1])
 
     def _check_slowness(self, batch: ScanBatch, now_s: float, line_was_empty: bool) -> None:
         """Report a device that scans more slowly than it was asked to, by its own clock and the computer's.

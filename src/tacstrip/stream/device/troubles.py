@@ -63,9 +63,12 @@ class Troubles:
                 self.say(kind, words.format(more), now_s)
                 self._told = self._told._replace(**{kind: getattr(counts, kind)})
 
-    def check_late(self, late: int, now_s: float) -> None:
-        """Report scans that began late by the device's own count since its start."""
-        if late > self._late:
+    def check_late(self, late: int, asked: bool, now_s: float) -> None:
+        """Report scans that began late by the device's own count since its start.
+
+        Not `asked`: the device may have waited for a reader who was away.
+        """
+        if asked and late > self._late:
             text = (
                 f"{late} scan(s) began a period or more too late, says the device: it cannot keep this rate"
             )
