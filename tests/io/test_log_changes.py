@@ -87,6 +87,39 @@ def test_other_notes_ask_nothing(note: str) -> None:
 
 @pytest.mark.parametrize("long", [True, False])
 @pytest.mark.parametrize(
+    ("note", "above"),
+    [
+        ("skin fw 1.4 - output is now ratiometric", "skin fw 1.3"), ("fw 1.4 ratiometric", ""), ("mode: ratio", ""),
+        ("I (1234) cfg: unit=mV", ""), ("[cfg] format=fraction", ""), ('{"event": "config", "unit": "mV"}', ""),
+        ("gain set to 2", ""), ("scale x1000", ""), ("skin v1.4", "skin v1.3"), ("Ausgabe in mV", ""),
+        ("salida en milivoltios", ""), ("wyj\u015bcie w mV", ""),
+    ],
+)  # fmt: skip
+def test_a_message_of_how_readings_are_written_is_asked(note: str, above: str, long: bool) -> None:
+    text = f"{above}\n" * bool(above) + _with_note(note, long=long)
+    with pytest.raises(Unanswered) as asked:
+        _read(text)
+    question = next(q for q in asked.value.questions if q.key == "part")
+    assert note in question.text
+    _assert_scans(_read(text, part=question.choices[0]), [0, 1, 2])
+
+
+@pytest.mark.parametrize(
+    "note",
+    ["wifi: connected to lab", "W (1234) wifi: channel 6", "battery 3.9 V", "lost 3 packets", "skin fw 1.3"],
+)
+def test_a_message_of_something_else_asks_nothing(note: str) -> None:
+    rows = [f"t={t} strip={s} h={h or '-'} l={v or '-'}" for t, s, h, v in _rows()]
+    text = "\n".join(["skin fw 1.3", *rows[:12], note, *rows[12:]]) + "\n"
+    _assert_scans(_read(text, time_unit="s"), [*range(_SCANS)])
+
+
+def _rows() -> list[list[str]]:
+    return [line.split(",") for line in _with_note("", above=-1).splitlines()[1:]]
+
+
+@pytest.mark.parametrize("long", [True, False])
+@pytest.mark.parametrize(
     "note",
     [
         "# moved to the left end", "# Vref = 5.00", "# VREF: 5000 mV", "# finger swapped for pen",
