@@ -106,7 +106,14 @@ def test_a_message_of_how_readings_are_written_is_asked(note: str, above: str, l
 
 @pytest.mark.parametrize(
     "note",
-    ["wifi: connected to lab", "W (1234) wifi: channel 6", "battery 3.9 V", "lost 3 packets", "skin fw 1.3"],
+    [
+        "wifi: connected to lab",
+        "W (1234) wifi: channel 6",
+        "battery 3.9 V",
+        "lost 3 packets",
+        "skin fw 1.3",
+        "W (3805) adc: calibration eFuse not burnt",
+    ],
 )
 def test_a_message_of_something_else_asks_nothing(note: str) -> None:
     rows = [f"t={t} strip={s} h={h or '-'} l={v or '-'}" for t, s, h, v in _rows()]
