@@ -41,6 +41,7 @@ _OF_CONTACT = re.compile(
 )
 _FEW_WORDS = 3  # of fewer, no change is told
 _OFTEN = 0.1  # of the lines: what stands on more is of the log's form
+_BANNER = 4.0  # lines: as many a program may print as it starts
 _FEW = 5  # notes that are not understood: of more, they are of the log's form
 _LONGEST = 100  # characters of a line that are quoted
 _READ = 1000  # characters of a line that are read as words
@@ -81,7 +82,8 @@ def changes_said(
     ()
     """
     inner, above = _inner(text, lines)
-    rows, forms, said = {*lines}, Counter(_form(line) for _, line in inner), {*map(_form, above)}
+    rows, said, first = {*lines}, {*map(_form, above)}, min(lines, default=0)
+    forms = Counter(_form(line.strip()) for n, line in numbered(text) if n >= first)
     found = []
     for n, line in inner:
         alone = n not in rows and forms[_form(line)] == 1  # else it is of the log's form
@@ -91,7 +93,7 @@ def changes_said(
             tells_of_change(line) or ((another or names_a_unit(line)) and not own)
         ):
             found.append((n, line))
-    return tuple(found) if len(found) <= max(1.0, _OFTEN * len(inner)) else ()
+    return tuple(found) if len(found) <= max(_BANNER, _OFTEN * len(inner)) else ()
 
 
 def notes_among(text: str, lines: Sequence[int]) -> tuple[tuple[int, str], ...]:
