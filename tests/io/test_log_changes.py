@@ -87,6 +87,59 @@ def test_other_notes_ask_nothing(note: str) -> None:
 
 @pytest.mark.parametrize("long", [True, False])
 @pytest.mark.parametrize(
+    ("note", "above"),
+    [
+        ("skin fw 1.4 - output is now ratiometric", "skin fw 1.3"), ("fw 1.4 ratiometric", ""), ("mode: ratio", ""),
+        ("I (1234) cfg: unit=mV", ""), ("[cfg] format=fraction", ""), ('{"event": "config", "unit": "mV"}', ""),
+        ("gain set to 2", ""), ("scale x1000", ""), ("skin v1.4", "skin v1.3"), ("Ausgabe in mV", ""),
+        ("skin fw 1.4\noutput: mV\nunit is mV", "skin fw 1.3"), ("salida en milivoltios", ""),
+        ("wyj\u015bcie w mV", ""),
+    ],
+)  # fmt: skip
+def test_a_message_of_how_readings_are_written_is_asked(note: str, above: str, long: bool) -> None:
+    text = f"{above}\n" * bool(above) + _with_note(note, long=long)
+    with pytest.raises(Unanswered) as asked:
+        _read(text)
+    question = next(q for q in asked.value.questions if q.key == "part")
+    assert note.split("\n")[0] in question.text
+    left_out = {"broken_lines": "skip"} if "v1" in note else {}  # the same line may be a damaged one
+    _assert_scans(_read(text, part=question.choices[0]), [0, 1, 2])
+    _assert_scans(_read(text, part=question.choices[1], **left_out), [3, 4, 5])
+
+
+@pytest.mark.parametrize("scans", [2, 3])
+def test_lines_of_a_records_own_form_ask_nothing(scans: int) -> None:
+    lines = []
+    for n in range(scans):
+        lines += [f"scan {n}, t = {n / 10} s"]
+        lines += [f"output strip {s}: H={_high(n, s):.3f} L={_high(n, s) - 1.0:.3f}" for s in range(3)]
+        lines += ["output strip 3: H=- L=-"]
+    _assert_scans(_read("\n".join(lines)), [*range(scans)])
+
+
+@pytest.mark.parametrize(
+    "note",
+    [
+        "wifi: connected to lab",
+        "W (1234) wifi: channel 6",
+        "battery 3.9 V",
+        "lost 3 packets",
+        "skin fw 1.3",
+        "W (3805) adc: calibration eFuse not burnt",
+    ],
+)
+def test_a_message_of_something_else_asks_nothing(note: str) -> None:
+    rows = [f"t={t} strip={s} h={h or '-'} l={v or '-'}" for t, s, h, v in _rows()]
+    text = "\n".join(["skin fw 1.3", *rows[:12], note, *rows[12:]]) + "\n"
+    _assert_scans(_read(text, time_unit="s"), [*range(_SCANS)])
+
+
+def _rows() -> list[list[str]]:
+    return [line.split(",") for line in _with_note("", above=-1).splitlines()[1:]]
+
+
+@pytest.mark.parametrize("long", [True, False])
+@pytest.mark.parametrize(
     "note",
     [
         "# moved to the left end", "# Vref = 5.00", "# VREF: 5000 mV", "# finger swapped for pen",

@@ -67,17 +67,36 @@ def test_untouched_said_in_words_in_place_of_readings(touched: str, untouched: s
     _assert_read(_read(_lines(touched, untouched), time_unit="s"))
 
 
-@pytest.mark.parametrize("words", ["sensor fault", "disconnected", "overload", "not connected"])
-def test_other_words_in_place_of_readings_are_asked_or_doubted(words: str) -> None:
-    text = _lines("t={t} strip={s} high={h} low={l}", f"t={{t}} strip={{s}} {words}")
-    assert any(repr(words) in doubt for doubt in _doubts(text))
+@pytest.mark.parametrize(
+    "words",
+    [
+        "sensor fault",
+        "disconnected",
+        "overload",
+        "not connected",
+        "sat",
+        "err",
+        "Fehler",
+        "satur\u00e9",
+        "timeout",
+    ],
+)
+@pytest.mark.parametrize(
+    "untouched", ["t={t} strip={s} WORDS", "[{t}] S{s} WORDS", "t={t} strip={s} high=WORDS low=WORDS"]
+)
+def test_words_of_a_fault_in_place_of_readings_are_asked(words: str, untouched: str) -> None:
+    if " " in words and "high" in untouched:
+        words = words.replace(" ", "_")
+    touched = "[{t}] S{s} h={h} l={l}" if "[" in untouched else "t={t} strip={s} high={h} low={l}"
+    with pytest.raises(Unanswered) as asked:
+        _read(_lines(touched, untouched.replace("WORDS", words)), time_unit="s")
+    said = next(q.text for q in asked.value.questions if q.key == "untouched")
+    assert words.replace(" ", "_") in said
 
 
-def _doubts(text: str) -> tuple[str, ...]:
-    try:
-        return _read(text, time_unit="s").doubts
-    except Unanswered as asked:
-        return tuple(q.text.replace("_", " ") for q in asked.questions)
+def test_an_unknown_word_in_place_of_readings_is_a_doubt() -> None:
+    text = _lines("t={t} strip={s} high={h} low={l}", "t={t} strip={s} quiet")
+    assert any("'quiet'" in doubt for doubt in _read(text, time_unit="s").doubts)
 
 
 def test_a_cut_row_is_not_taken_for_words() -> None:

@@ -27,6 +27,8 @@ _DRAWN = re.compile(r"\A[\s>*~=+.-]+(?=[^\W\d_])")
 _UNIT = re.compile(
     r"(?<![\w.,])(?<!\d\s)(?:[mu\u00b5]?V|V_?ref|V_?cc|V_?dd|AREF|ADC|LSB|%|\u2030)(?!\w)", re.IGNORECASE
 )
+_BARE_UNIT = re.compile(r"(?<![\w.,])(?<!\d\s)(?:[mu\u00b5]V|V_?ref)(?!\w)", re.IGNORECASE)
+_VERSION = re.compile(r"(?<![^\W_])(?:v|ver|version|rev|revision|build)[\s.:]{0,2}\d", re.IGNORECASE)
 _RESOLUTION = re.compile(r"\d\s?-?_?bits?\b|analogReadResolution", re.IGNORECASE)  # of which others ask
 # A change of what touches, or of where: "now pressing", "swapped for pen", "moved to the left end".
 _GAP = rf"(?:\s+{any_of('filler')})*\s+"
@@ -39,6 +41,7 @@ _OF_CONTACT = re.compile(
 )
 _FEW_WORDS = 3  # of fewer, no change is told
 _OFTEN = 0.1  # of the lines: what stands on more is of the log's form
+_BANNER = 4.0  # lines: as many a program may print as it starts
 _FEW = 5  # notes that are not understood: of more, they are of the log's form
 _LONGEST = 100  # characters of a line that are quoted
 _READ = 1000  # characters of a line that are read as words
@@ -54,7 +57,8 @@ def in_parts(table: Table, text: str) -> Table:
     """
     if PART in table.names or not table.lines:
         return table
-    changes = changes_said(text, table.lines, _units(table.names))
+    whole = [n for n in table.lines if n not in table.broken]
+    changes = changes_said(text, whole, _units(table.names))
     return table.in_parts(changes) if changes else replace(table, notes=notes_among(text, table.lines))
 
 
@@ -67,7 +71,8 @@ def changes_said(
 ) -> tuple[tuple[int, str], ...]:
     r"""Return the lines among those of a table, with what they say, which tell of a change of what readings mean.
 
-    Not what the lines above the table say as well, nor the unit that the names of its columns say.
+    Also a line of a form of its own that speaks of how readings are written. Not what the lines above the table say as
+    well, nor the unit that the names of its columns say.
 
     Examples
     --------
@@ -77,11 +82,18 @@ def changes_said(
     ()
     """
     inner, above = _inner(text, lines)
-    found = [
-        (n, line) for n, line in inner if _plain(line) not in above
-        and (tells_of_change(line) or (names_a_unit(line) and not (units and _units_said(line) == units)))
-    ]  # fmt: skip
-    return tuple(found) if len(found) <= max(1.0, _OFTEN * len(inner)) else ()
+    rows, said, first = {*lines}, {*map(_form, above)}, min(lines, default=0)
+    forms = Counter(_form(line.strip()) for n, line in numbered(text) if n >= first)
+    found = []
+    for n, line in inner:
+        alone = n not in rows and forms[_form(line)] == 1  # else it is of the log's form
+        another = alone and (speaks_of_writing(line) or _is_other_version(line, said))
+        own = units and _units_said(line) == units
+        if _plain(line) not in above and (
+            tells_of_change(line) or ((another or names_a_unit(line)) and not own)
+        ):
+            found.append((n, line))
+    return tuple(found) if len(found) <= max(_BANNER, _OFTEN * len(inner)) else ()
 
 
 def notes_among(text: str, lines: Sequence[int]) -> tuple[tuple[int, str], ...]:
@@ -93,17 +105,19 @@ def notes_among(text: str, lines: Sequence[int]) -> tuple[tuple[int, str], ...]:
     ((2, '# palec zeslizgnal sie'),)
     """
     inner, above = _inner(text, lines)
-    words = Counter(w for _, line in numbered(text) for w in {*_WORDS.findall(line.casefold())})
+    words = Counter(w for _, line in inner for w in {*_WORDS.findall(line.casefold())})
     rows = {*lines}
     there = [
         (n, line) for n, line in inner
         if is_comment(line) or (n not in rows and _is_of_words(_DRAWN.sub("", line, count=1), words))
     ]  # fmt: skip
     there = [(n, line) for n, line in there if n < max(lines) and not _RESOLUTION.search(line)]
-    forms = Counter(re.sub(r"\d+", "0", line) for _, line in there)
-    return tuple(
-        (n, line) for n, line in there if forms[re.sub(r"\d+", "0", line)] == 1 and _plain(line) not in above
-    )
+    forms = Counter(_form(line) for _, line in there)
+    return tuple((n, line) for n, line in there if forms[_form(line)] == 1 and _plain(line) not in above)
+
+
+def _form(line: str) -> str:
+    return re.sub(r"\d+", "0", line)
 
 
 def _inner(text: str, lines: Sequence[int]) -> tuple[list[tuple[int, str]], set[str]]:
@@ -178,6 +192,23 @@ def _units_said(line: str) -> frozenset[str]:
     if finder("change").search(line):
         return frozenset()
     return frozenset(u for w in _UNIT.findall(line) if (u := UNITS.get(w.casefold(), w)))
+
+
+def speaks_of_writing(line: str) -> bool:
+    """Return whether a line speaks of how readings are written, if only by naming the program that writes them.
+
+    Examples
+    --------
+    >>> [speaks_of_writing(t) for t in ("fw 1.4 - output is ratiometric", "gain: 2", "wifi: connected", "fw OK")]
+    [True, True, False, True]
+    """
+    line = line[:_READ]
+    return stated_vref(line) is None and bool(finder("writing").search(line) or _BARE_UNIT.search(line))
+
+
+def _is_other_version(line: str, above: set[str]) -> bool:
+    """Return whether a line names a version, and one of the forms above does it in the same words."""
+    return _VERSION.search(line) is not None and _form(_plain(line)) in above
 
 
 def is_harmless(line: str, vref: float) -> bool:

@@ -34,6 +34,7 @@ _ATTENUATED = re.compile(
     re.IGNORECASE,
 )
 _LONGEST = 100  # characters of a comment that are quoted
+_DIGITS_NEAR = 0.25  # of a reading: so much it may move from scan to scan where one between is cut
 _DRIFT = 0.05  # of the time: clocks that differ by less may drift
 
 
@@ -50,6 +51,7 @@ def raise_doubts(clues: Clues, mapping: ColumnMapping) -> None:
         _of_one_unit(clues, mapping, only_lost=noise)
         _of_known_units(clues, mapping)
     _written_alike(clues, mapping)
+    _cut_codes(clues, mapping)
     ask_for_vref(clues)
     _attenuated(clues)
     _two_clocks(clues, mapping)
@@ -153,6 +155,33 @@ def _written_alike(clues: Clues, mapping: ColumnMapping) -> None:
                 f"line {line}, {name}: {text} is not written as the other numbers there, such as "
                 f"{next(t for x in read if (t := x[1]) not in [o[1] for o in odd])}: is a digit lost?"
             )
+
+
+def _cut_codes(clues: Clues, mapping: ColumnMapping) -> None:
+    """Doubt a whole number that ends a line and is the beginning of one like those before and after it of its strip."""
+    table = clues.table
+    name = max(mapping.columns, key=table.places.__getitem__)
+    if table.places[name] != len(table.names) - 1:
+        return
+    strips = table.column(mapping.strip) if mapping.strip else [""] * len(table.rows)
+    read = {line: text for line, column, text, _ in _readings(clues, mapping) if column == name}
+    for strip in dict.fromkeys(strips):
+        rows = [line for line, s in zip(table.lines, strips, strict=True) if s == strip and line in read]
+        for before, line, after in zip(rows, rows[1:], rows[2:], strict=False):
+            around, text = (read[before], read[after]), read[line]
+            if all(map(str.isdecimal, (*around, text))) and len(text) < min(map(len, around)):
+                longer = len(around[0]) - len(text)
+                near = all(_is_near(int(text) * 10**longer, int(a), 10**longer) for a in around)
+                if near and len(around[0]) == len(around[1]):
+                    clues.doubt(
+                        f"line {line} ({text!r}): the last number has fewer digits than before and after it "
+                        f"({' and '.join(around)}): cut there? Taken as it stands"
+                    )
+
+
+def _is_near(least: int, value: int, width: int) -> bool:
+    """Return whether some of the numbers from `least`, as many as `width`, are near a value."""
+    return (1.0 - _DIGITS_NEAR) * value <= least + width and least <= (1.0 + _DIGITS_NEAR) * value
 
 
 def _attenuated(clues: Clues) -> None:

@@ -16,6 +16,7 @@ from tacstrip.io.log_import.questions import Clues
 from tacstrip.io.log_import.scans import LogScan
 from tacstrip.io.log_import.statements import untouched_said
 from tacstrip.io.log_import.units import BITS
+from tacstrip.io.log_import.words import finder
 
 _SENTINELS = (999.0, 9999.0, 99999.0, 32767.0, 65535.0, 99.9, 99.99, 999.9, 999.99)
 _NEAR_0 = 0.01  # of the largest reading; and of the most that there can be
@@ -26,9 +27,6 @@ _AT_ONCE = "strips go there and back in one step, and no other reading moves as 
 _FEW_TOUCHED = 0.005  # of the readings: fewer are no contact among noise
 _MANY = 0.05  # of the readings: more that are exactly 0 are no chance
 _FULL = 0.9  # of the largest reading: what becomes larger than the range goes there from above
-_ALARM = re.compile(
-    r"err|fault|fail|sat|clip|ovf|overf|bad|invalid|miss|\?", re.IGNORECASE
-)  # not of no contact
 _OVER_RANGE = re.compile(
     r"\++|\+?(?:over(?:range|load)?|o\.?l\.?|ovl?d|burnout|inf)", re.IGNORECASE
 )  # of loggers
@@ -58,14 +56,19 @@ def words_for_nothing(clues: Clues, found: Columns) -> tuple[str, ...]:
                 said = {t for n in found.readings for t in table.column(n) if _is_word(t, table.decimal)}
                 if said <= {*untouched_said(clues.table.preamble)}:
                     return tuple(sorted(said))
-                if any(c.isdigit() or _ALARM.search(t) for t in said for c in t):
+                if any(_says_a_fault(t) or any(c.isdigit() for c in t) for t in said):
                     clues.ask(
                         "untouched",
-                        f"line {line}: {text!r} is no number; does it stand for no contact?",
+                        f"line {line}: {text!r} is no number; does it stand for no contact? (If it is a fault, take "
+                        "its lines out)",
                         text,
                     )
                 return tuple(sorted(said))
     return ()
+
+
+def _says_a_fault(word: str) -> bool:
+    return "?" in word or finder("fault").search(word.replace("_", " ")) is not None
 
 
 def settle_words(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> None:

@@ -43,9 +43,13 @@ _MINUTES_SAID = re.compile(
 _OF_DAY_SAID = re.compile(r"\b(?:hora|heure|ora|uhr|godzina|klokken)\b", re.IGNORECASE)
 _LAST_HOUR = 23
 _SAME_RATE = 0.02  # relative: steps that are those of a rate
+_MOST_SAMPLES = 1000.0  # of a converter for a scan: its strips, times what it averages
 _RATE = re.compile(
     r"\b(?:\w*(?:rate|frequenz|frequency|fs|freq|takt|sampled|sampling|recorded|logged)\w*)\b[^\d\n]{0,20}?([\d.,]+)\s*(k?)(?:hz|sps|s/s|1/s)",
     re.IGNORECASE,
+)
+_RATE_BEHIND = re.compile(
+    r"(?<![\w.,])(\d[\d.,]*)\s*(k?)(?:hz|sps)\s+(?:sampl|scan|rate|abtast|log|record)", re.IGNORECASE
 )
 # As National Instruments' programs write it, in seconds.
 _INCREMENT = re.compile(
@@ -167,6 +171,8 @@ def settled_time(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
             "point lost, or is it cut? Mend it, or take it out"
         )
     step = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
+    if mapping.time_unit and step and "time_unit" not in clues.answers:
+        mapping = _by_rate(clues, mapping, step, rate)
     if mapping.time_unit or len(rough) < 2:
         if "time_unit" not in clues.answers and step and not _POSSIBLE_S[0] <= step <= _POSSIBLE_S[1]:
             raw = step / TIME_UNITS.get(mapping.time_unit, 1.0)
@@ -225,6 +231,37 @@ def settled_time(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
     return replace(mapping, time_unit="s")
 
 
+def _by_rate(clues: Clues, mapping: ColumnMapping, step: float, rate: float | None) -> ColumnMapping:
+    """Return the mapping with the unit of its time that an answered rate tells; ask where a line says another rate.
+
+    That is: the name says a unit, and the scans have that rate only in another one. What fits no unit is a doubt.
+    """
+    rates = {rate} if rate else _rates_above(clues)
+    if len(rates) != 1 or _is_rate(step, min(rates)):
+        return mapping
+    (hz,) = rates
+    raw = step / TIME_UNITS.get(mapping.time_unit, 1.0)
+    fits = [
+        u for u in ("s", "ms", "us") if mapping.time_unit in TIME_UNITS and _is_rate(raw * TIME_UNITS[u], hz)
+    ]
+    told = f"{mapping.time} is in {mapping.time_unit}, so that it rises by {step:g} s from scan to scan"
+    if rate:
+        if not fits:
+            clues.doubt(f"{told}: {hz:g} scans per second in no unit, so rate_hz={hz:g} is passed over")
+            return mapping
+        clues.doubt(f"{told}; at {hz:g} scans per second it is in {fits[0]}, and is taken so")
+        return replace(mapping, time_unit=fits[0])
+    if fits:
+        clues.ask(
+            "time_unit",
+            f"{told}, and the log says {hz:g} Hz, as it would be in {fits[0]}: in which unit is it?",
+            fits[0], mapping.time_unit,
+        )  # fmt: skip
+    elif mapping.time_unit in TIME_UNITS and not 1.0 - _SAME_RATE < step * hz < _MOST_SAMPLES:
+        clues.doubt(f"{told}, and the log says {hz:g} Hz: the time is taken as it stands")
+    return mapping
+
+
 def _even_column(clues: Clues, mapping: ColumnMapping, scans: int) -> str:
     """Return a column of no known meaning that rises from scan to scan by always as much; "" where there is none."""
     used = {*mapping.columns, mapping.scan, mapping.strip, mapping.which, CLOCK, ROW}
@@ -276,7 +313,7 @@ def _rates_above(clues: Clues) -> set[float]:
         return {1.0 / step for step in steps if step}
     rates = {
         value * (1000.0 if kilo else 1.0)
-        for digits, kilo in _RATE.findall(text)
+        for digits, kilo in (*_RATE.findall(text), *_RATE_BEHIND.findall(text))
         if (value := number_of(digits.rstrip(".,"), "," if "," in digits else "."))
     }
     rates |= {

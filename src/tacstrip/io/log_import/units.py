@@ -286,6 +286,11 @@ def _unit_by_size(clues: Clues, values: FloatArray, vref: float, bits: int, volt
         and fits["mV"] < _LITTLE
         and _lies_off_steps(values, vref, bits)
     ):
+        if best < _MUCH and not _codes_said(clues, vref):
+            clues.doubt(
+                f"readings reach {top:g}: taken as codes of {bits} bits, of which adc_bits speaks, for they do not lie "
+                "on the steps of these in mV; else --answer unit=mV"
+            )
         best = max(best, _MUCH)  # so few of the millivolts, and not on the converter's steps of them
     likely = [u for u, used in fits.items() if used >= _LITTLE or best < _MUCH]
     if not likely and {*fits} == {"code", "mV"}:
@@ -294,8 +299,7 @@ def _unit_by_size(clues: Clues, values: FloatArray, vref: float, bits: int, volt
         likely = list(fits)
     if volts and whole and len(fits) > 1:
         likely = list(fits)
-    above = "\n".join((*clues.table.preamble, *clues.table.names))
-    told_bits = bool(_BITS_TOLD.search(above) or conversion.bits_told(clues.table, vref))
+    told_bits = _tells_bits(clues, vref)
     if likely == ["code"] and "mV" in fits and not (clues.sensor and clues.sensor.adc_bits) and not told_bits:
         if "adc_bits" not in clues.answers:  # nothing says that there are codes
             likely.insert(0, "mV")
@@ -304,9 +308,8 @@ def _unit_by_size(clues: Clues, values: FloatArray, vref: float, bits: int, volt
                 f"readings reach {top:g}: taken as codes, of which adc_bits speaks; else --answer unit=mV"
             )
     if (
-        whole and bits and likely == ["code"] and _PERCENT[0] < top <= _PERCENT[1]
-        and not (told_bits or volts or {"adc_bits", "coding"} & {*clues.answers} or _raw_said(clues))
-        and not (_ANALOG_READ.search(above) or _CODES_SAID.search(above))
+        whole and bits and likely == ["code"] and _PERCENT[0] < top <= _PERCENT[1] and not volts
+        and not _codes_said(clues, vref)
     ):  # fmt: skip
         likely.append("percent")  # codes of touched strips seldom stay below that
     if likely == ["fraction"] and vref:
@@ -351,6 +354,20 @@ def _unit_by_size(clues: Clues, values: FloatArray, vref: float, bits: int, volt
         *(u for u in READING_UNITS if u in (likely or READING_UNITS)),
     )  # fmt: skip
     return likely[0] if likely else "V"
+
+
+def _tells_bits(clues: Clues, vref: float) -> bool:
+    return bool(_BITS_TOLD.search(_above(clues)) or conversion.bits_told(clues.table, vref))
+
+
+def _codes_said(clues: Clues, vref: float) -> bool:
+    """Return whether the log or an answer says that readings are codes."""
+    said = _ANALOG_READ.search(_above(clues)) or _CODES_SAID.search(_above(clues)) or _raw_said(clues)
+    return bool(said or _tells_bits(clues, vref) or {"adc_bits", "coding"} & {*clues.answers})
+
+
+def _above(clues: Clues) -> str:
+    return "\n".join((*clues.table.preamble, *clues.table.names))
 
 
 def _raw_said(clues: Clues) -> str:
