@@ -195,6 +195,16 @@ def test_scans_with_another_about_decide_what_is_left_open(name: str, seed: int,
     assert all(one.solved for one in score(scene, tracks))
 
 
+@pytest.mark.parametrize(("name", "case"), [("unknown", 18), ("three", 2)])
+def test_a_way_that_only_loose_motion_allows_is_no_doubt(name: str, case: int) -> None:
+    """Where motion may be rough another way explains as well: as smooth as theirs it ends in theirs, or does not."""
+    random = np.random.default_rng([33, list(SETS).index(name), case])
+    scene = draw(name, random)
+    tracks = ts.track(scene.scans(random), scene.unit.sensor, NOISE)
+    assert all(one.solved for one in score(scene, tracks))
+    assert [t.status for t in tracks] == ["ok"] * len(scene.outlines)
+
+
 def test_rivals_that_are_alike_are_named_once() -> None:
     """Outlines of a square: moved by 2 mm, by 2.1 mm, by 4 mm, and as it is found; those most unlike first."""
     square, poses = 20.0 * np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]), np.zeros((3, 3))

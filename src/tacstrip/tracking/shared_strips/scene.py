@@ -54,7 +54,9 @@ _GUESSES = 2  # rivals that are followed by where the outlines found explain too
 _RIVALS, _BETTER = 3, 6.0  # outlines that are tried against the one found, and how much better one must be
 _SLOPE = 10  # scans alone that tell how a rival's way parts from the one found
 _EXPLORED, _SETTLED = 3, 6  # rounds of looking beside outlines, and descents of each that are settled
+_DEEPER = 3.0  # that a round must gain for another: less is the same minimum, rested in better
 _SAME = 0.003  # of the size: outlines that differ by less are one
+_AS_DEAR = 0.2  # of chi square: descents that end so near each other, with the same outlines, end in one
 _HELD, _HELD_ANGLE = 0.017, 0.035  # deviations of a pose that is held: of the size, and [rad]
 _WRONG = 0.02  # of the poses: where more are probably off by two such deviations and more, it is said
 _HIDDEN = (
@@ -154,16 +156,6 @@ class Shared:
     advice: str = ""
 
 
-@dataclass(frozen=True, eq=False)
-class _Elsewhere:
-    """Another way of all objects through a window (W rows): poses (W, K, 3), and who is there (W, K)."""
-
-    window: IntArray
-    outlines: tuple[FloatArray, ...]
-    poses: FloatArray
-    present: BoolArray
-
-
 @dataclass(eq=False)
 class _Rows:
     """All scans that are fitted, one a row, and what is known of them."""
@@ -242,7 +234,7 @@ def _followed(
     ]
     if not windows:
         return None
-    alike: list[_Elsewhere] = []
+    alike = list[tuple[IntArray, Scene]]()
     for window in windows:
         found = _of_window(rows, window, _MOST_ALONE if len(windows) == 1 else _AROUND)
         if found is None:
@@ -256,9 +248,10 @@ def _followed(
     if len(windows) > 1:
         chosen = _chosen(rows, np.concatenate(windows), part, _MOST_ALONE)
         scene = _settled(_some(rows, chosen), _scene(rows, chosen))
-    scene = _trimmed(_some(rows, chosen), scene, np.asarray(~rows.alone[chosen].any(axis=1)))
-    some = _some(rows, chosen)
-    scene, rivals = _smoother(some, scene), list[Scene]()
+    some, both = _some(rows, chosen), np.asarray(~rows.alone[chosen].any(axis=1))
+    scene = _smoother(some, _trimmed(some, scene, both))
+    rivals, alike = _as_smooth(some, chosen, scene, alike, both)
+    scene, *rivals = sorted([scene, *rivals], key=lambda s: _criterion(some, s))
     for k in np.flatnonzero(part):
         scene, *more = _against_rivals(some, scene, int(k))
         rivals += more
@@ -267,7 +260,7 @@ def _followed(
     scene, *more = _astray(some, scene, part)
     rivals += more
     outlines = _of_rivals(some, scene, rivals)
-    alike += _other_ways(some, chosen, scene, rivals)
+    alike += [(chosen, s) for s in _as_likely(some, scene, rivals)]
     return _shared(rows, chosen, scene, part, alike, outlines, distribution)
 
 
@@ -284,6 +277,24 @@ def _smoother(some: _Rows, scene: Scene) -> Scene:
     return scene
 
 
+def _as_smooth(
+    some: _Rows, chosen: IntArray, scene: Scene, alike: list[tuple[IntArray, Scene]], both: BoolArray
+) -> tuple[list[Scene], list[tuple[IntArray, Scene]]]:
+    """Return other ways of the same objects in each scan, with motion as smooth as the scene's, and the rest.
+
+    They were found where the motion was free to take up noise: that tells little of which is likelier.
+    """
+    rivals, rest = list[Scene](), list[tuple[IntArray, Scene]]()
+    for at, other in alike:
+        trimmed = _trimmed(some, other, both) if np.array_equal(at, chosen) else None
+        if trimmed is not None and np.array_equal(trimmed.present, scene.present):
+            trial = fitted(some.hull, replace(trimmed, motion=scene.motion), some.follows)
+            rivals.append(_settled(some, trial, 1))
+        else:
+            rest.append((at, other))
+    return rivals, rest
+
+
 def _smoother_too(some: _Rows, scene: Scene, others: list[Scene]) -> tuple[Scene, list[Scene]]:
     """Return the scene as `_smoother`, and others that explain all about as well with motion as smooth."""
     least, smooth = _criterion(some, scene) + 2.0 * _ALIKE, _smoother(some, scene)
@@ -295,10 +306,10 @@ def _smoother_too(some: _Rows, scene: Scene, others: list[Scene]) -> tuple[Scene
     ]
 
 
-def _other_ways(some: _Rows, chosen: IntArray, scene: Scene, others: Sequence[Scene]) -> list[_Elsewhere]:
+def _as_likely(some: _Rows, scene: Scene, others: Sequence[Scene]) -> list[Scene]:
     """Return the other scenes that explain all as well."""
     least = _criterion(some, scene) + _ALIKE
-    return [_Elsewhere(chosen, s.outlines, s.poses, s.present) for s in others if _criterion(some, s) < least]
+    return [s for s in others if _criterion(some, s) < least]
 
 
 def _criterion(some: _Rows, scene: Scene) -> float:
@@ -359,7 +370,7 @@ def _explored(some: _Rows, scene: Scene, part: BoolArray) -> list[Scene]:
     minima than these have. The outlines are moved along what all scans tell least, and lose or gain a corner.
     """
     few = [int(k) for k in np.flatnonzero(part & some.alone.any(axis=0)) if _few_read(some, int(k))]
-    ends, soft = [scene], _SOFT * float(some.sizes.max())
+    ends, soft, same = [scene], _SOFT * float(some.sizes.max()), _SAME * float(some.sizes.min())
     price = 2.0 * float(np.log(some.hull.scans.readings.sum())) + PLACES
     for _ in range(_EXPLORED if few else 0):
         tries, least = list[Scene](), _criterion(some, scene)
@@ -371,15 +382,28 @@ def _explored(some: _Rows, scene: Scene, part: BoolArray) -> list[Scene]:
             starts += edges_bent(own) if len(own) + 1 < FIRST else []
             for start in starts:
                 trial = replace(scene, outlines=(*scene.outlines[:k], start, *scene.outlines[k + 1 :]))
-                trial = fitted(some.hull, trial, some.follows, 8, soft, _CAUCHY)
-                tries.append(fitted(some.hull, trial, some.follows, 6))
-        near = sorted(tries, key=lambda s: s.cost + price * sum(len(o) for o in s.outlines))[:_SETTLED]
+                tries.append(fitted(some.hull, trial, some.follows, 8, soft, _CAUCHY))
+        tries = [fitted(some.hull, s, some.follows, 6) for s in _unlike(tries, same)]
+        tries.sort(key=lambda s: s.cost + price * sum(len(o) for o in s.outlines))
+        near = _unlike(tries, same)[:_SETTLED]
         ends += [_settled(some, s, 1) for s in near if s.cost < scene.cost + _NEVER]
         ends.sort(key=lambda s: _criterion(some, s))
         scene = ends[0]
-        if not _criterion(some, scene) < least - 0.5:
+        if not _criterion(some, scene) < least - _DEEPER:
             break
     return ends
+
+
+def _unlike(scenes: list[Scene], within_mm: float) -> list[Scene]:
+    """Return scenes without those that end where one before does: as dear, and with the same outlines."""
+    kept = list[Scene]()
+    for one in scenes:
+        if not any(
+            abs(one.cost - s.cost) < _AS_DEAR and _same_outlines(one.outlines, s.outlines, within_mm)
+            for s in kept
+        ):
+            kept.append(one)
+    return kept
 
 
 def _few_read(some: _Rows, k: int) -> bool:
@@ -408,7 +432,7 @@ def _of_rivals(some: _Rows, scene: Scene, others: list[Scene]) -> list[list[tupl
     ]
 
 
-def _same_outlines(a: list[FloatArray], b: list[FloatArray], within_mm: float) -> bool:
+def _same_outlines(a: Sequence[FloatArray], b: Sequence[FloatArray], within_mm: float) -> bool:
     return all(len(p) == len(q) and float(np.abs(p - q).max()) < within_mm for p, q in zip(a, b, strict=True))
 
 
@@ -517,8 +541,10 @@ def _unexplained(rows: _Rows, known: Sequence[Alone], readings: Mapping[int, Flo
     return np.flatnonzero(left.any(axis=1))
 
 
-def _of_window(rows: _Rows, window: IntArray, most: int) -> tuple[Scene, IntArray, list[_Elsewhere]] | None:
-    """Return the best scene about a window, its rows, and others that explain the window as well."""
+def _of_window(
+    rows: _Rows, window: IntArray, most: int
+) -> tuple[Scene, IntArray, list[tuple[IntArray, Scene]]] | None:
+    """Return the best scene about a window, its rows, and others that explain the window as well, with theirs."""
     fits: list[tuple[Scene, float, IntArray]] = []
     for tried, (poses, events) in enumerate(_candidates(rows, window)):
         if any(_same_way(poses, scene, np.searchsorted(own, window), rows.sizes) for scene, _, own in fits):
@@ -536,11 +562,7 @@ def _of_window(rows: _Rows, window: IntArray, most: int) -> tuple[Scene, IntArra
         return None
     fits.sort(key=lambda fit: fit[1])
     (best, cost, chosen), some = fits[0], _some(rows, fits[0][2])
-    others = [
-        _Elsewhere(window, scene.outlines, scene.poses[at], scene.present[at])
-        for scene, worse, own in fits[1:]
-        if worse - cost < _ALIKE and len(at := np.searchsorted(own, window))
-    ]
+    others = [(own, scene) for scene, worse, own in fits[1:] if worse - cost < _ALIKE]
     allowed = _WORST * len(window) + 1
     best = _settled(some, best)
     for k in range(len(rows.rivals)):  # what scans alone leave open, all scans may decide
@@ -786,7 +808,7 @@ def _shared(
     chosen: IntArray,
     scene: Scene,
     part: BoolArray,
-    alike: list[_Elsewhere],
+    alike: list[tuple[IntArray, Scene]],
     rivals: list[list[tuple[FloatArray, float]]],
     distribution: str,
 ) -> list[Shared | None]:
@@ -855,7 +877,7 @@ def _elsewhere(
     some: _Rows,
     scene: Scene,
     k: int,
-    alike: list[_Elsewhere],
+    alike: list[tuple[IntArray, Scene]],
     rows: _Rows,
     size: float,
     sd: FloatArray,
@@ -864,8 +886,8 @@ def _elsewhere(
     """Return advice where another way of the objects explains the readings as well."""
     at = {int(some.numbers[i]): j for j, i in enumerate(mine)}
     apart: list[int] = []
-    for other in alike:
-        for row, pose, there in zip(other.window, other.poses, other.present, strict=True):
+    for its_rows, other in alike:
+        for row, pose, there in zip(its_rows, other.poses, other.present, strict=True):
             number = int(rows.numbers[row])
             if number not in at:
                 continue
