@@ -217,13 +217,18 @@ def not_moving(work: WorkingCopy) -> Iterator[Suspect]:
     """Find channels that keep one value while their neighbours move."""
     still = max(0.004, 3.0 * work.sigma)
     without_contact = work.touched_without_contact()
-    for name, strip, values, expected, _ in _followed(work):
+    sides = np.pad(work.there, ((0, 0), (1, 1)), constant_values=True)
+    between = sides[:, :-2] & sides[:, 2:]
+    for name, strip, values, expected, rows in _followed(work):
         own, predicted = _spread(values), _spread(expected)
         rests = _rests(work, strip, still)
         if rests and not without_contact[strip]:
             continue
         if own <= still and np.ptp(values) <= 3.0 * still and predicted > max(_MOVES, 5.0 * own):
             level = float(np.median(values))
+            # At a contact's rim, noise of a strip that rests makes it count as touched.
+            if _like_rest(work, level) and np.count_nonzero(between[rows, strip]) < _SOME:
+                continue
             near = max(_RAIL, 4.0 * work.sigma)
             fault = "dead" if abs(level - _ground(work)) < near else "stuck"
             end = ""
@@ -351,12 +356,16 @@ def never_touched(work: WorkingCopy) -> Iterator[Suspect]:
 
 def _away_from_rest(work: WorkingCopy) -> BoolArray:
     """Return which strips (places, strips) are touched where a strip beside them cannot read as rest does."""
-    if work.sensor.rest_volt is None:
-        return work.there
-    rest, touch = _ground(work), (work.sensor.touch_volt or 0.0) / work.sensor.vref_volt
     with np.errstate(invalid="ignore"):
-        near = np.all([np.abs(v - rest) < _FAR_FROM_REST * touch for v in work.k.values()], axis=0)
+        near = np.all([_like_rest(work, v) for v in work.k.values()], axis=0)
     return np.asarray(work.there & ~near)
+
+
+def _like_rest(work: WorkingCopy, level: float | FloatArray) -> BoolArray:
+    """Return whether readings over Vref are those of an untouched strip, but for noise and offsets."""
+    touch = (work.sensor.touch_volt or 0.0) / work.sensor.vref_volt
+    known = work.sensor.rest_volt is not None
+    return np.asarray(known & (np.abs(level - _ground(work)) < _FAR_FROM_REST * touch))
 
 
 def _spread(values: FloatArray) -> float:

@@ -15,6 +15,7 @@ from tacstrip.robust import robust_sigma
 _OVER = 0.02  # over Vref: what rounding and offsets may add
 _FAR = 0.1  # over Vref: one reading so far out is enough
 _BLOCKS = 16  # different settings of the higher bits, before a bit that never changes is called stuck
+_MOVED = 2  # channels
 _VISITS, _APART = 2, 0.03  # of the end at Vref, and the part of the recording between two
 # Of Vref: higher, clamps and a rim that no contact reaches do the same; below the first, no sound unit's do.
 _SURE_CEILING, _NO_CEILING = 0.935, 0.955
@@ -128,7 +129,7 @@ def _end_level(log: Log, sigma: float) -> tuple[float | None, bool]:
     lag = max(1, len(top) // _LAGS)
     every = np.concatenate([*k.values()], axis=1)
     step = np.abs(np.nan_to_num(every[lag:], nan=-1.0) - np.nan_to_num(every[:-lag], nan=-1.0))
-    moved = (step > max(0.01, 6.0 * sigma)).any(axis=1)
+    moved = (step > max(0.01, 6.0 * sigma)).sum(axis=1) >= _MOVED  # one alone may be a stray
     # A contact that is held piles up anywhere; it is put down and lifted, too.
     changed = np.zeros(len(top), dtype=bool)
     changed[lag:-lag] = moved[lag:] & moved[:-lag]
