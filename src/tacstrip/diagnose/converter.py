@@ -15,7 +15,6 @@ from tacstrip.robust import robust_sigma
 _OVER = 0.02  # over Vref: what rounding and offsets may add
 _FAR = 0.1  # over Vref: one reading so far out is enough
 _BLOCKS = 16  # different settings of the higher bits, before a bit that never changes is called stuck
-_MOVED = 2  # channels
 _VISITS, _APART = 2, 0.03  # of the end at Vref, and the part of the recording between two
 # Of Vref: higher, clamps and a rim that no contact reaches do the same; below the first, no sound unit's do.
 _SURE_CEILING, _NO_CEILING = 0.935, 0.955
@@ -128,11 +127,13 @@ def _end_level(log: Log, sigma: float) -> tuple[float | None, bool]:
         return None, False
     lag = max(1, len(top) // _LAGS)
     every = np.concatenate([*k.values()], axis=1)
-    step = np.abs(np.nan_to_num(every[lag:], nan=-1.0) - np.nan_to_num(every[:-lag], nan=-1.0))
-    moved = (step > max(0.01, 6.0 * sigma)).sum(axis=1) >= _MOVED  # one alone may be a stray
+    filled, least = np.nan_to_num(every, nan=-1.0), max(0.01, 6.0 * sigma)
+    moved = np.abs(filled[lag:] - filled[:-lag]) > least
     # A contact that is held piles up anywhere; it is put down and lifted, too.
     changed = np.zeros(len(top), dtype=bool)
-    changed[lag:-lag] = moved[lag:] & moved[:-lag]
+    both = moved[lag:] & moved[:-lag]
+    stray = both & ~(np.abs(filled[2 * lag :] - filled[: -2 * lag]) > least)  # goes and comes back
+    changed[lag:-lag] = (moved[lag:] & ~stray).any(axis=1) & (moved[:-lag] & ~stray).any(axis=1)
     lowest = np.fmin.reduce(every, axis=1)
     wide = max(0.006, 2.0 * sigma)
     found: list[tuple[float, float, float, float]] = []
