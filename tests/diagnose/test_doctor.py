@@ -414,6 +414,17 @@ def test_faults_of_units_that_are_kept_apart_are_named(seed: int, number: int, w
     assert doctor_set.score(seed, number)["verdict"] == "named", why
 
 
+@pytest.mark.parametrize(
+    ("number", "why"),
+    [
+        (210, "an object that lies still on a strip beside one that moves: no stuck channel"),
+        (378, "the same over the end at Vref: no open end"),
+    ],
+)
+def test_sound_units_that_are_kept_apart_have_no_finding(number: int, why: str) -> None:
+    assert doctor_set.score(440, number)["verdict"] != "alarm", why
+
+
 def test_drift_by_few_looks_is_a_question() -> None:
     """Among the strips and signals that are looked at, one of 500 passes is as much by chance (z = 2.7)."""
     assert doctor_set.score(0, 73)["verdict"] == "asked"

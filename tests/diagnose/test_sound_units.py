@@ -26,6 +26,14 @@ from tacstrip.sensor.spec import Sensor
         143,  # two places in turn, each time a little off: drift
         176,  # taps of three scans were noise
         2107,  # a palm over the ground end of two strips was two open strips
+        50028,  # a slanted bar that is lifted at one height had a Vref of its own
+        50076,  # noise of few untouched readings was drift
+        50080,  # a corner at the far end comes to one strip alone: a loose joint
+        50136,  # a pair that is flat for contacts on one side of a bridge, and not on the other, was a short
+        50178,  # the same corner, of four strips
+        51031,  # taps with strays had a Vref of their own
+        51076,  # an offset under contacts of one length was a pair of tied wires
+        51083,  # noise beside a rolling bar's rim was an open strip
     ],
 )
 def test_no_finding_on_a_sound_unit(seed: int) -> None:

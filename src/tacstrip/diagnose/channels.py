@@ -124,9 +124,9 @@ def _open_strip(
     # An object over the strip's end does not put two channels on one rail at every place.
     enough = _FEW if always and len(work.k) == 2 else _SOME
     # An object that reaches over the end of one strip does so at one height, or once.
-    rows = np.flatnonzero(ground | vref)
+    rows = np.flatnonzero((ground | vref) & np.isfinite(level))
     levels = np.concatenate([level[rows], silent])
-    if count < max(enough, _SHARE * places):
+    if count < max(enough, _SHARE * places) or len(levels) < _FEW:
         return
     if _spread(levels) < (_MOVES_OFTEN if passes(rows) >= _PASSES else _MOVES):
         return
@@ -145,7 +145,9 @@ def _open_strip(
     suspect = work.suspect("open-strip", [strip], evidence, numbers, gain)
     # A palm over the ends of some strips is on one rail at some places, too.
     one_rail = not always and not (on_ground and vref.any())
-    yield replace(suspect, doubtful=one_rail and not (_spread(levels) > _FAR_APART and _apart(levels, sound)))
+    doubtful = one_rail and not (_spread(levels) > _FAR_APART and _apart(levels, sound))
+    # So is an object that lies still over the strip's end, beside one that moves.
+    yield replace(suspect, doubtful=doubtful or (always and _stays_at_rim(work, strip)))
 
 
 def _apart(levels: FloatArray, sound: FloatArray) -> bool:
@@ -215,13 +217,18 @@ def not_moving(work: WorkingCopy) -> Iterator[Suspect]:
     """Find channels that keep one value while their neighbours move."""
     still = max(0.004, 3.0 * work.sigma)
     without_contact = work.touched_without_contact()
-    for name, strip, values, expected, _ in _followed(work):
+    sides = np.pad(work.there, ((0, 0), (1, 1)), constant_values=True)
+    between = sides[:, :-2] & sides[:, 2:]
+    for name, strip, values, expected, rows in _followed(work):
         own, predicted = _spread(values), _spread(expected)
         rests = _rests(work, strip, still)
         if rests and not without_contact[strip]:
             continue
         if own <= still and np.ptp(values) <= 3.0 * still and predicted > max(_MOVES, 5.0 * own):
             level = float(np.median(values))
+            # At a contact's rim, noise of a strip that rests makes it count as touched.
+            if _like_rest(work, level) and np.count_nonzero(between[rows, strip]) < _SOME:
+                continue
             near = max(_RAIL, 4.0 * work.sigma)
             fault = "dead" if abs(level - _ground(work)) < near else "stuck"
             end = ""
@@ -243,14 +250,20 @@ def not_moving(work: WorkingCopy) -> Iterator[Suspect]:
 
 
 def _rests(work: WorkingCopy, strip: int, still: float) -> bool:
-    """Whether both channels of an outermost strip keep their values: an object of its own may lie still there."""
-    if strip not in (0, work.strips - 1):
-        return False
-    there = work.there[:, strip]
-    if there.mean() < _ALL_THE_TIME and passes(np.flatnonzero(there)) >= _VISITS:
+    """Whether both channels of a strip at the rim keep their values: an object of its own may lie still there."""
+    if not _stays_at_rim(work, strip):
         return False
     own = [values[np.isfinite(values[:, strip]), strip] for values in work.k.values()]
     return len(own) > 1 and all(len(values) and _spread(values) <= still for values in own)
+
+
+def _stays_at_rim(work: WorkingCopy, strip: int) -> bool:
+    """Whether a strip is touched all the time, or seldom anew, and the next one on either side never with it."""
+    there = work.there[:, strip]
+    beside = np.pad(work.there, ((0, 0), (1, 1)))[:, [strip, strip + 2]] & there[:, None]
+    if beside.any(axis=0).all():
+        return False
+    return bool(there.mean() >= _ALL_THE_TIME or passes(np.flatnonzero(there)) < _VISITS)
 
 
 def _alike(values: FloatArray, strip: int) -> bool:
@@ -343,12 +356,16 @@ def never_touched(work: WorkingCopy) -> Iterator[Suspect]:
 
 def _away_from_rest(work: WorkingCopy) -> BoolArray:
     """Return which strips (places, strips) are touched where a strip beside them cannot read as rest does."""
-    if work.sensor.rest_volt is None:
-        return work.there
-    rest, touch = _ground(work), (work.sensor.touch_volt or 0.0) / work.sensor.vref_volt
     with np.errstate(invalid="ignore"):
-        near = np.all([np.abs(v - rest) < _FAR_FROM_REST * touch for v in work.k.values()], axis=0)
+        near = np.all([_like_rest(work, v) for v in work.k.values()], axis=0)
     return np.asarray(work.there & ~near)
+
+
+def _like_rest(work: WorkingCopy, level: float | FloatArray) -> BoolArray:
+    """Return whether readings over Vref are those of an untouched strip, but for noise and offsets."""
+    touch = (work.sensor.touch_volt or 0.0) / work.sensor.vref_volt
+    known = work.sensor.rest_volt is not None
+    return np.asarray(known & (np.abs(level - _ground(work)) < _FAR_FROM_REST * touch))
 
 
 def _spread(values: FloatArray) -> float:

@@ -27,6 +27,7 @@ _SOME, _SOME_SEEN = 0.4, 0.25  # the same for a question
 _MOVING = 0.6  # of the strips' levels: the contact's lowest reading moves at the others
 _ALIKE = 0.045  # over Vref: scatter of their levels
 _PILE = 3.5  # times as dense as below
+_SLANTED = 0.75  # of the variance of their levels, in a line across the strips
 # Steps and over Vref, of noise that would show; over Vref, of ends, where converters stop; readings at a level.
 _RESOLVED, _LEAST_RESOLVED, _ENDS, _CUT_OFF = 1.2, 2e-4, 0.03, 8
 _WHOLE = 1e-3  # of a step: rounding of printed volts
@@ -126,16 +127,19 @@ def _end_level(log: Log, sigma: float) -> tuple[float | None, bool]:
         return None, False
     lag = max(1, len(top) // _LAGS)
     every = np.concatenate([*k.values()], axis=1)
-    step = np.abs(np.nan_to_num(every[lag:], nan=-1.0) - np.nan_to_num(every[:-lag], nan=-1.0))
-    moved = (step > max(0.01, 6.0 * sigma)).any(axis=1)
+    filled, least = np.nan_to_num(every, nan=-1.0), max(0.01, 6.0 * sigma)
+    moved = np.abs(filled[lag:] - filled[:-lag]) > least
     # A contact that is held piles up anywhere; it is put down and lifted, too.
     changed = np.zeros(len(top), dtype=bool)
-    changed[lag:-lag] = moved[lag:] & moved[:-lag]
+    both = moved[lag:] & moved[:-lag]
+    stray = both & ~(np.abs(filled[2 * lag :] - filled[: -2 * lag]) > least)  # goes and comes back
+    changed[lag:-lag] = (moved[lag:] & ~stray).any(axis=1) & (moved[:-lag] & ~stray).any(axis=1)
     lowest = np.fmin.reduce(every, axis=1)
     wide = max(0.006, 2.0 * sigma)
-    found, seen, tested = [], 0, 0
+    found: list[tuple[float, float, float, float]] = []
+    seen, tested = 0, 0
     scans = np.zeros(len(top), dtype=bool)  # in which a strip is at its level
-    for values in top.T:
+    for strip, values in enumerate(top.T):
         here = np.flatnonzero(np.isfinite(values) & changed)
         own = values[here]
         seen += len(own) >= 20
@@ -156,11 +160,13 @@ def _end_level(log: Log, sigma: float) -> tuple[float | None, bool]:
             continue
         there = np.abs(own - level) <= 1.001 * wide  # of rounding
         scans[here[there]] = True
-        found.append((level, count[at] / max(below, 1.0), float(np.std(lowest[here[there]]))))
+        found.append((level, count[at] / max(below, 1.0), float(np.std(lowest[here[there]])), float(strip)))
     if len(found) < max(4, _SOME * tested, _SOME_SEEN * seen):
         return None, False
     sure = len(found) >= max(_OFTEN * tested, _SEEN * seen)
-    level, pile, moves = np.array(found).T
+    level, pile, moves, across = np.array(found).T
+    # Levels that rise from strip to strip are those of a slanted contact that is lifted there.
+    sure &= bool(np.ptp(level) == 0.0 or np.corrcoef(level, across)[0, 1] ** 2 < _SLANTED)
     middle = float(np.median(level))
     scatter = float(robust_sigma(level - middle))
     if not 0.4 < middle < _NO_CEILING - scatter / np.sqrt(len(level)) or scatter > _ALIKE:

@@ -28,7 +28,9 @@ _BLOCKS, _RESTS = 32, 4  # of time at rest, and untouched readings in one
 _VISIT = 5  # blocks
 _NEAR = 2  # strips to either side that a contact at the ground end covers too
 _LOOKS, _SPAN = 7, 0.6  # blocks, and the part of the recording that they span
+_MEDIAN = 1.25  # times the standard deviation of a mean of normal errors: that of their median
 _JUMP = 0.01  # over Vref: an untouched reading that far from its strip's usual one is a contact that reads as rest
+_BEYOND_NOISE = 5.0  # standard deviations that noise gives a change: one of 100 strips has 3 by chance
 _RESTLESS = 3.0  # times the other strips' changes from scan to scan: contacts that read as rest come and go
 _STEPS, _STEP_NOISE = 4, 8.0  # scans beside a jump, twice; times the median change
 _TERMS = 8  # functions of time: a line, and cosines of 1 to 4 periods
@@ -92,11 +94,11 @@ def drift(
     first, seconds = float(log.time_s.min()), float(np.ptp(log.time_s))
     if seconds <= 0.0:
         return [], [], [], np.zeros(log.sensor.strips, dtype=bool)
-    level, common, rests, untouched = _levels_at_rest(log, work.order, (log.time_s - first) / seconds)
+    level, common, rests, untouched, noise = _levels_at_rest(log, work.order, (log.time_s - first) / seconds)
     checked = np.isfinite(level).sum(axis=0) >= _LOOKS
     found = [
         f
-        for f in _outstanding_at_rest(level, untouched, work.order)
+        for f in _outstanding_at_rest(level, untouched, noise, work.order)
         if f.fault == "drift" or not _steps(rests, int(np.flatnonzero(work.order == f.strips[0])[0]))
     ]
     notes = []
@@ -146,24 +148,26 @@ def _judged(one: _Change, strip: int) -> Finding | Question | None:
 
 def _levels_at_rest(
     log: Log, order: IntArray, tau: FloatArray
-) -> tuple[FloatArray, float, list[FloatArray], FloatArray]:
+) -> tuple[FloatArray, float, list[FloatArray], FloatArray, FloatArray]:
     """Return untouched levels over time less those of the other strips (blocks, strips), and the change these share.
 
     Then, by channel, the untouched readings of the strips across (scans, strips) that were used, and the levels of
-    all untouched readings, used or not (channels, blocks, strips).
+    all untouched readings, used or not (channels, blocks, strips); and the standard deviations that noise gives the
+    former levels (blocks, strips).
 
     Of two channels, their mean. A contact at the ground end can pass for none: next to a touched strip, and where a
     neighbour's untouched reading is far from its usual one, nothing counts.
     """
     strips = log.sensor.strips
     levels, shared, scatters, rests, untouched = [], [], [], [], []
+    fewest = np.full((_BLOCKS, strips), np.inf)  # readings of a level
     block = np.minimum((tau * _BLOCKS).astype(int), _BLOCKS - 1)
     edges = np.searchsorted(block, np.arange(_BLOCKS + 1)) if (np.diff(block) >= 0).all() else None
     touched = log.touched[:, order]
     near = _beside(touched) | touched
     for values in log.raw.values():
         rest = np.where(touched, np.nan, values[:, order])
-        every = _block_medians(rest, block, edges)
+        every, _ = _block_medians(rest, block, edges)
         every -= _columns(np.nanmean, every)
         untouched.append(every - _columns(np.nanmedian, every.T)[:, None])
         moved = rest - _columns(np.nanmedian, rest)
@@ -171,7 +175,8 @@ def _levels_at_rest(
         rest = np.where(near | _beside(away), np.nan, rest)
         rests.append(rest)
         scatters.append(_columns(np.nanstd, np.diff(rest, axis=0)))
-        level = _block_medians(rest, block, edges)
+        level, counts = _block_medians(rest, block, edges)
+        fewest = np.minimum(fewest, counts)
         level -= _columns(np.nanmean, level)
         many = np.isfinite(level).sum(axis=1) >= 3
         center = np.where(many, _columns(np.nanmedian, level.T), np.nan)
@@ -180,7 +185,8 @@ def _levels_at_rest(
         levels.append(level - np.where(many, center, 0.0)[:, None])
     own = _columns(np.nanmean, np.stack(levels).reshape(len(levels), -1)).reshape(_BLOCKS, strips)
     scatter = np.fmax.reduce(scatters)
-    out = np.full_like(own, np.nan)
+    out, noise = np.full_like(own, np.nan), np.full_like(own, np.nan)
+    noise[:, order] = _MEDIAN * scatter / np.sqrt(2.0 * fewest)
     for place in (
         np.flatnonzero(~(scatter > _RESTLESS * np.nanmedian(scatter))) if np.isfinite(scatter).any() else []
     ):
@@ -189,18 +195,24 @@ def _levels_at_rest(
         if len(there) >= _LOOKS and np.ptp(_MIDDLE[there]) >= _SPAN:
             out[there, order[place]] = median_filter(own[there, place], 3, mode="constant")
             out[there[[0, -1]], order[place]] = np.nan  # which the filter pads
-    return out, float(np.median(shared)) if shared else np.nan, rests, np.stack(untouched)
+    return out, float(np.median(shared)) if shared else np.nan, rests, np.stack(untouched), noise
 
 
-def _block_medians(rest: FloatArray, block: IntArray, edges: IntArray | None) -> FloatArray:
-    """Return the medians (blocks, strips) of readings (scans, strips) in blocks of time, NaN where there are few."""
-    level = np.full((_BLOCKS, rest.shape[1]), np.nan)
+def _block_medians(
+    rest: FloatArray, block: IntArray, edges: IntArray | None
+) -> tuple[FloatArray, FloatArray]:
+    """Return the medians (blocks, strips) of readings (scans, strips) in blocks of time, NaN where there are few.
+
+    And of how many readings they are, 1 at least.
+    """
+    level, counts = np.full((_BLOCKS, rest.shape[1]), np.nan), np.ones((_BLOCKS, rest.shape[1]))
     for b in range(_BLOCKS):
         part = rest[block == b] if edges is None else rest[edges[b] : edges[b + 1]]
-        enough = np.isfinite(part).sum(axis=0) >= _RESTS
+        counts[b] = np.maximum(np.isfinite(part).sum(axis=0), 1)
+        enough = counts[b] >= _RESTS
         if enough.any():
             level[b, enough] = np.nanmedian(part[:, enough], axis=0)
-    return level
+    return level, counts
 
 
 def _columns(statistic: Callable[..., FloatArray], values: FloatArray) -> FloatArray:
@@ -212,8 +224,10 @@ def _columns(statistic: Callable[..., FloatArray], values: FloatArray) -> FloatA
     return out
 
 
-def _outstanding_at_rest(level: FloatArray, every: FloatArray, order: IntArray) -> Iterator[Finding]:
-    """Yield what strips do at rest that the others do not; levels (blocks, strips) by the file's strips.
+def _outstanding_at_rest(
+    level: FloatArray, every: FloatArray, noise: FloatArray, order: IntArray
+) -> Iterator[Finding]:
+    """Yield what strips do at rest that others do not; levels and their noise (blocks, strips) by the file's strips.
 
     `every` (channels, blocks, strips): of the strips across, the levels of all their untouched readings, used or not.
     """
@@ -242,7 +256,8 @@ def _outstanding_at_rest(level: FloatArray, every: FloatArray, order: IntArray) 
         change, straight = line[row]
         if size[row] <= usual:
             continue
-        if straight > _STRAIGHT and abs(change) > _DRIFT:
+        least = max(_DRIFT, _BEYOND_NOISE * _slope_sigma(level[:, i], noise[:, i]))
+        if straight > _STRAIGHT and abs(change) > least:
             evidence = f"moved by {100 * change:+.3g} % of Vref from start to end, untouched, the others by "
             evidence += f"{100 * float(np.median(np.abs(np.delete(line[:, 0], row)))):.2g} %"
             yield Finding("drift", (i,), evidence, {"change": float(change)})
@@ -299,6 +314,13 @@ def _line(level: FloatArray) -> tuple[float, float]:
     slope, start = np.polyfit(_MIDDLE[there], level[there], 1)
     left = level[there] - slope * _MIDDLE[there] - start
     return float(slope), 1.0 - float(np.var(left)) / max(float(np.var(level[there])), 1e-12)
+
+
+def _slope_sigma(level: FloatArray, noise: FloatArray) -> float:
+    """Return the standard deviation that noise gives the change of a strip's levels (blocks,) from start to end."""
+    there = np.isfinite(level)
+    apart = _MIDDLE[there] - _MIDDLE[there].mean()
+    return float(np.sqrt(np.mean(noise[there] ** 2) / max(float(apart @ apart), 1e-12)))
 
 
 def _beside(there: BoolArray) -> BoolArray:

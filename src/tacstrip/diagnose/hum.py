@@ -17,6 +17,9 @@ _LINE_ALONE = 100.0  # times, on some strips only: jumps of a contact's ends mak
 _HALF = 4.0  # times, in each half of the recording: a few jumps are no line
 _HUM = 0.0015  # over Vref: amplitude below which hum does not matter
 _SEGMENT_S = 1.0  # in which a line keeps its phase, whatever the clock and the mains do
+_SEGMENT_SHEET_S = (
+    5.0  # of one witness: a contact that moves evenly makes a line, too, next to that of the mains
+)
 _SHORTEST = 32  # scans of a segment
 _FEWEST = 24  # readings of a strip
 _CLIP = 5.0  # times the median: jumps
@@ -33,7 +36,10 @@ def hum(log: Log, sigma: float) -> tuple[list[Finding], str]:
     if len(step) < _SHORTEST or float(np.median(step)) <= 0.0:
         return [], f"hum: needs {_SHORTEST} scans or more that follow each other in time"
     period = float(np.median(step))
-    long = max(min(int(_SEGMENT_S / period), len(log.time_s) // 4), 2 * _SHORTEST)
+    if log.sensor.kind.closed_form:
+        long = max(min(int(_SEGMENT_S / period), len(log.time_s) // 4), 2 * _SHORTEST)
+    else:
+        long = max(int(_SEGMENT_SHEET_S / period), 2 * _SHORTEST)
     segments = max(len(log.time_s) // long, 1)
     lines = [
         _line(log, mains, period, np.linspace(0, len(log.time_s), segments + 1).astype(int))

@@ -19,7 +19,10 @@ _FREE = (
     0.04  # over Vref: a free wire's level is its rail's or the rest level, but for the channel's own offset
 )
 _STILL = 0.05  # over Vref: what the neighbours may change while a reading jumps by more than _FAR
-_JUMPS, _JUMPS_SILENT = 3, 8  # to and fro, beside neighbours that stay; to untouched, as at a contact's rim
+_JUMPS, _JUMPS_SILENT = (
+    3,
+    8,
+)  # to and fro, beside neighbours that stay; to or from untouched, as at a contact's rim
 _FEWEST = 5  # scans that dropped out
 _CLEAR, _MANY_CLEAR = 0.3, 8  # over Vref off the line, and scans, in which the contact moves:
 _MOVES = 0.03  # over Vref
@@ -158,7 +161,7 @@ def _often(work: WorkingCopy, lasting: BoolArray) -> Iterator[Finding]:
             out = steady & free & (np.abs(values - e) > _FAR)
             good = steady & (np.abs(values - e) < _FAR / 2.0)
             clear = out & inner & (np.abs(values - e) > _CLEAR)
-        off_line = _Seen(out, good, e, clear)
+        off_line = _Seen(out, good, e, clear, np.zeros_like(out))
         # A strip that counts as untouched has no reading; its neighbours' line spans the gap.
         silent = gone | (work.there & np.isnan(values) & np.isfinite(values).any(axis=0))
         if silent.any():
@@ -174,7 +177,7 @@ def _often(work: WorkingCopy, lasting: BoolArray) -> Iterator[Finding]:
             silent |= lone & often
             good = good | (alone & ~work.there & often)
             e = np.where(alone, 0.0, e)
-        found[name] = [off_line, _Seen(out | silent, good, e, np.zeros_like(out))]
+        found[name] = [off_line, _Seen(out | silent, good, e, np.zeros_like(out), silent)]
     for strip in np.flatnonzero(~lasting).tolist():
         channels = [
             (name, *seen)
@@ -200,13 +203,15 @@ def _often(work: WorkingCopy, lasting: BoolArray) -> Iterator[Finding]:
 class _Seen:
     """Where a signature's channels drop out, where they read well, and what their neighbours expect (scans, strips).
 
-    `clear`: dropouts that no contact's shape explains, between two neighbours that it leaves where they are.
+    `clear`: dropouts that no contact's shape explains, between two neighbours that it leaves where they are; `silent`:
+    those from touched to untouched or back.
     """
 
     out: BoolArray
     good: BoolArray
     expected: FloatArray
     clear: BoolArray
+    silent: BoolArray
 
     @cached_property
     def jumps(self) -> FloatArray:
@@ -222,7 +227,7 @@ class _Seen:
         gaps, under = int(out.sum()), int((good & np.isfinite(read)).sum())
         share = gaps / max(gaps + int(good.sum()), 1)
         usual = np.sort(self.jumps)[-4] if len(self.jumps) > 4 else 0.0
-        least = _JUMPS_SILENT if (out & np.isnan(read)).sum() > 0.5 * gaps else _JUMPS
+        least = _JUMPS_SILENT if (out & self.silent[:, strip]).sum() > 0.5 * gaps else _JUMPS
         clear = self.expected[self.clear[:, strip], strip]  # rare jumps: one or two passes over a strip
         few = len(clear) < _MANY_CLEAR or np.ptp(clear) < _MOVES
         few &= self.jumps[strip] < max(least, _OTHERS * usual + 1)

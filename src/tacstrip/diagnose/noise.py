@@ -92,8 +92,8 @@ def excess_noise(noise: NoiseEstimate) -> Iterator[Finding]:
     padded = np.pad(noise.strips, 1, constant_values=np.nan)
     loudest = np.fmax(padded[:-2], padded[2:])
     least = np.pad(noise.least, 1, constant_values=np.nan)
-    # Motion is on neighbours, too, whose own noise tells nothing of this strip's.
-    moving = (np.fmax(least[:-2], least[2:]) > limit) & (not noise.steady)
+    # Motion is on neighbours, too, whose own noise tells nothing of this strip's; where theirs is not known, it may be.
+    moving = ~(np.fmax(least[:-2], least[2:]) <= limit) & (not noise.steady)
     to_half = 100.0 * math.sqrt(3.0)  # half-width of a uniform error [% of Vref]
     whole = f"{to_half * noise.sigma:.2g} %"
     for strip in np.flatnonzero(

@@ -20,7 +20,7 @@ _MANY, _PASSES = 25, 4  # places, and times that the contact came there
 _FEWEST_PAIRS, _OTHER_PAIRS = 5, 3  # that a pair is held against
 _MOST, _WIDTH = 0.85, 1.44  # of the places; such a share of normal errors lies within so many deviations
 _GAINS = 0.05  # by which two channels' gains differ at most: a dead one differs by all of the other's reading
-_NOISE = 1.4  # times what noise makes of a difference
+_NOISE, _SEEN_TIED = 1.4, 1.25  # times what noise makes of a difference; of all that a bridge ties
 _BENT, _BENT_TIMES, _BENT_PASSES = (
     50.0,
     2.0,
@@ -122,7 +122,11 @@ def _tied_sensing(work: WorkingCopy) -> Iterator[tuple[int, Suspect]]:
     best = {
         pair: (
             ratio,
-            replace(suspect, doubtful=_odds_of_flat(work, pair) < _least_odds(work, pair, _ODDS_TIED)),
+            replace(
+                suspect,
+                doubtful=_odds_of_flat(work, pair) < _least_odds(work, pair, _ODDS_TIED)
+                or not _tied_on_both_sides(work, pair),
+            ),
         )
         for pair, (ratio, suspect) in best.items()
     }
@@ -159,6 +163,20 @@ def _flattened(
             )
             suspect = work.suspect("short", [strip, strip + 1], evidence, numbers, usual)
             yield strip, replace(suspect, doubtful=doubtful)
+
+
+def _tied_on_both_sides(work: WorkingCopy, strip: int) -> bool:
+    """Whether a bridge at some height ties v_h of all contacts below it, and v_l of all above it, as far as seen."""
+    (above, over), (below, under) = (
+        (np.diff(values, axis=1)[:, [strip]], (values[:, [strip + 1]] + values[:, [strip]]) / 2.0)
+        for values in (work.k["kh"], work.k["kl"])
+    )
+    tied = _SEEN_TIED * _WIDTH * np.sqrt(2.0) * work.sigma
+    return any(
+        not _scatter(above, over, over < height - _CLEAR)[0] > tied
+        and not _scatter(below, under, under > height + _CLEAR)[0] > tied
+        for height in _GRID
+    )
 
 
 def _least_odds(work: WorkingCopy, strip: int, inside: float) -> float:
