@@ -486,7 +486,12 @@ def _planned_runs(kind: str, rng: np.random.Generator) -> tuple[ts.Sensor, Runs]
     w = np.array([*([w] * 8 for _, w in straight), [0.0] * 8])
     raw = ts.signatures(replace(sensor, contact_lambda_mm=1.0), l, l + w)["k"]
     raw = rng.uniform(0.99, 1.01, 8) * raw + rng.uniform(-0.02, 0.02, 8) + rng.uniform(-0.002, 0.002, l.shape)
-    order = {"pair": [0, 2, 1, 3, 4, 5, 6, 7], "shifted": [6, 7, 0, 1, 2, 3, 4, 5]}.get(kind, list(range(8)))
+    orders = {
+        "pair": [0, 2, 1, 3, 4, 5, 6, 7],
+        "shifted": [6, 7, 0, 1, 2, 3, 4, 5],
+        "mirrored": [*range(7, -1, -1)],
+    }
+    order = orders.get(kind, list(range(8)))
     if kind == "mislaid":
         l[-1] += 12.0
     return sensor, Runs(l, w, {"k": raw[:, order]}, line=np.arange(2, 2 + l.size).reshape(l.shape), rest={})
@@ -498,6 +503,10 @@ def test_a_slanted_press_shows_exchanged_strips() -> None:
         ts.calibrate_unit(*_planned_runs("pair", np.random.default_rng(0)))
     with pytest.raises(ts.ReadingError, match="strip 0 is 6, 1 is 7, 2 is 0"):
         ts.calibrate_unit(*_planned_runs("shifted", np.random.default_rng(1)))
+    with pytest.raises(
+        ts.ReadingError, match="slanted across the strips lie the other way than the runs say"
+    ):
+        ts.calibrate_unit(*_planned_runs("mirrored", np.random.default_rng(2)))
 
 
 @pytest.mark.parametrize("kind", ["sound", "mislaid"])

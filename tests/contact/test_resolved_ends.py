@@ -71,6 +71,15 @@ def test_what_cannot_be_solved_so_is_left(shape: shapely.Geometry) -> None:
     assert resolved_ends([shape], 0.5 * B, B, L) is None
 
 
+def test_ends_are_rounded_beyond_what_threads_and_processors_change() -> None:
+    """Fits that repeat with them would part at the last bit, to other corner counts."""
+    angles = np.sort(np.random.default_rng(8).uniform(0.0, 2.0 * np.pi, (20, 6)), axis=1)
+    for each in angles:
+        shape = shapely.Polygon(np.stack([5.0 + 12.0 * np.cos(each), 100.0 + 30.0 * np.sin(each)], axis=1))
+        digits = np.array(ends(shape)) / B * 1e7
+        np.testing.assert_allclose(digits, digits.round(), atol=1e-5)
+
+
 def test_no_edge_reads_beyond_its_furthest_point() -> None:
     """An upright side within the strip has a slope beyond any table; its edge reads between its heights."""
     height = np.full(17, np.nan)

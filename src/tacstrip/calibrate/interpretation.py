@@ -121,6 +121,11 @@ def exchanged_strips(sensor: Sensor, runs: Runs, fit: ModelFit) -> str:
         return ""
     if np.sqrt(np.diag(off)[moved].min()) < alike:
         return ""
+    if np.array_equal(right, np.arange(strips)[::-1]):
+        return (
+            "the presses that lie slanted across the strips lie the other way than the runs say: were their l entered "
+            "from the wrong side, or are the strips counted from the other side?"
+        )
     pairs = ", ".join(f"{i + sensor.strip_base} is {right[i] + sensor.strip_base}" for i in moved)
     return f"strips are exchanged, by the presses that lie slanted across them: strip {pairs}"
 

@@ -24,6 +24,7 @@ _FAR = 3.0  # widths: an image beyond a bar adds exp(-2 pi) to the power of this
 _FEWEST, _BY_LENGTH, _MOST = 8, 6.0, 64  # terms of a piece: so many, and more for each width that it is long
 _UNKNOWNS = 800
 _FINER = 4  # quadrature nodes a term
+_DIGITS = 7  # of widths: fewer than rounding leaves alike on all machines, whatever their threads (1e-13)
 
 
 def resolved_ends(
@@ -66,7 +67,7 @@ def resolved_ends(
         return float(y.min()) * width_mm, float(y.max()) * width_mm  # straight across: as on a thin strip
     if any(bars):
         return None
-    l, u = _solved(pieces, length)
+    l, u = (round(end, _DIGITS) for end in _solved(pieces, length))
     return l * width_mm, max(l, u) * width_mm
 
 
@@ -85,32 +86,40 @@ def _pieces(rings: Sequence[FloatArray]) -> FloatArray:
 def _solved(pieces: FloatArray, length: float) -> tuple[float, float]:
     """Return l and u of pieces on a strip of width 1."""
     middle, reach = pieces.mean(axis=1), 0.5 * (pieces[:, 1] - pieces[:, 0])
-    radius = np.hypot(*reach.T)
-    terms = int(np.clip(_FEWEST + _BY_LENGTH * 2.0 * radius.max(), _FEWEST, _MOST))
-    many, terms = len(pieces), max(_FEWEST, min(terms, _UNKNOWNS // len(pieces)))
-    t, s = (np.cos(np.pi * (np.arange(n) + 0.5) / n) for n in (terms, _FINER * terms))
-    at, charge = (middle[:, None] + reach[:, None] * each[:, None] for each in (t, s))  # (pieces, nodes, 2)
-    order = np.arange(terms)
-    weight = np.cos(order * np.arccos(s)[:, None]) * (np.pi / len(s))  # quadrature of T_k over sqrt(1 - t^2)
-    x, y = at.reshape(-1, 2).T[..., None]
-    by_x, by_y = charge.reshape(-1, 2).T
-    own = np.kron(np.eye(many, dtype=bool), np.ones((terms, len(s)), dtype=bool))
+    most = max(_FEWEST, min(_MOST, _UNKNOWNS // len(pieces)))
+    terms = np.clip(_FEWEST + _BY_LENGTH * 2.0 * np.hypot(*reach.T), _FEWEST, most).astype(int)
+    t, s = ([np.cos(np.pi * (np.arange(n) + 0.5) / n) for n in many] for many in (terms, _FINER * terms))
+    at, charge = (
+        np.concatenate([m + r * each[:, None] for m, r, each in zip(middle, reach, nodes, strict=True)])
+        for nodes in (t, s)
+    )
+    x, y = at.T[..., None]
+    by_x, by_y = charge.T
+    ends = np.cumsum(terms)
+    rows = [slice(end - n, end) for end, n in zip(ends, terms, strict=True)]
+    nodes = [slice(_FINER * one.start, _FINER * one.stop) for one in rows]
     # No node of t is one of s, for there are four of the latter to each.
     free = _log(x - by_x, y - by_y)
-    free[own] -= np.tile(np.log(np.abs(t[:, None] - s)), (many, 1, 1)).ravel()
+    for row, node, at_t, at_s in zip(rows, nodes, t, s, strict=True):
+        free[row, node] -= np.log(np.abs(at_t[:, None] - at_s))
     images = _log(x + by_x, y - by_y)
     near = by_y.min() < _FAR, by_y.max() > length - _FAR
     for mirrored in (bar - by_y for bar, counts in zip((0.0, 2.0 * length), near, strict=True) if counts):
         images -= _log(x - by_x, y - mirrored) + _log(x + by_x, y - mirrored)
     kernel = -0.5 * np.abs(y - by_y) - (free + images) / (2.0 * np.pi)
-    matrix = (kernel.reshape(many * terms, many, -1) @ weight).reshape(many * terms, -1)
-    log_of_term = -np.pi * np.where(order == 0, np.log(2.0), 1.0 / np.maximum(order, 1))
-    matrix -= np.kron(np.eye(many), np.cos(order * np.arccos(t)[:, None]) * log_of_term) / (2.0 * np.pi)
+    matrix, moments = np.empty((len(y), len(y))), np.empty(len(y))
+    for row, node, at_t, at_s in zip(rows, nodes, t, s, strict=True):
+        order = np.arange(len(at_t))
+        weight = np.cos(order * np.arccos(at_s)[:, None]) * (np.pi / len(at_s))  # of T_k over sqrt(1 - t^2)
+        log_of_term = -np.pi * np.where(order == 0, np.log(2.0), 1.0 / np.maximum(order, 1))
+        matrix[:, row], moments[row] = kernel[:, node] @ weight, by_y[node] @ weight
+        matrix[row, row] -= np.cos(order * np.arccos(at_t)[:, None]) * log_of_term / (2.0 * np.pi)
     # What goes into the contact comes out of it: the charges sum to 0. A constant is left open instead.
-    total = np.tile(np.where(order == 0, np.pi, 0.0), many)
+    total = np.zeros(len(y))
+    total[[row.start for row in rows]] = np.pi
     system = np.block([[matrix, np.ones((len(matrix), 1))], [total[None], np.zeros((1, 1))]])
     found = np.linalg.solve(system, np.append(-y.ravel(), 0.0))
-    moment = 0.5 * float(found[:-1] @ (charge[..., 1] @ weight).ravel())
+    moment = 0.5 * float(found[:-1] @ moments)
     return moment - float(found[-1]), -moment - float(found[-1])
 
 
