@@ -746,3 +746,13 @@ def test_accuracy_is_that_of_other_readings() -> None:
     assert held >= 3
     assert np.median(ratio) > 0.2  # not by being wide
     assert "other corrected readings are right to +-" in done.advice
+
+
+def test_a_reading_that_is_no_number_is_named() -> None:
+    sensor = ts.Sensor(construction="crs-m", strips=2, pitch_mm=6.5, length_mm=325.0)
+    l_mm = np.repeat([[50.0], [150.0], [250.0]], 2, axis=1)
+    raw = ts.signatures(sensor, l_mm, l_mm)["k"]
+    raw[1, 1] = np.nan
+    runs = ts.Runs(l_mm, np.zeros((3, 2)), {"k": raw}, line=np.arange(2, 8).reshape(3, 2), rest={})
+    with pytest.raises(ts.ReadingError, match="contact 1: k of strip 1 is no number"):
+        ts.calibrate_unit(sensor, runs, model="offset")

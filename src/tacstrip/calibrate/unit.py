@@ -231,8 +231,8 @@ def calibrate_unit(
     OptionError
         There is no such model, or the construction has no closed form.
     ReadingError
-        The runs do not determine a part of the model that was asked for, a strip reads 0 or Vref throughout, or read
-        in another way the runs fit far better; the message says which.
+        The runs do not determine a part of the model that was asked for, a strip reads 0 or Vref throughout, a reading
+        is no number where something touches, or read in another way the runs fit far better; the message says which.
 
     References
     ----------
@@ -252,6 +252,13 @@ def calibrate_unit(
     ('ok', array([ 0.02, -0.01]))
     """
     require_closed_form(sensor)
+    for name, raw in runs.raw.items():
+        if len(blank := np.argwhere(np.isfinite(runs.l_mm) & ~np.isfinite(raw))):
+            contact, strip = blank[0]
+            raise ReadingError(
+                f"contact {contact}: {name} of strip {strip + sensor.strip_base} is no number, though l_mm says it is "
+                "touched: leave that place out (NaN in l_mm and w_mm, too)"
+            )
     out = np.any([np.zeros(sensor.strips, bool), *left_out(sensor).values()], axis=0)
     dead = np.flatnonzero(~usable_rows(runs).any(axis=0) & ~out)
     if len(dead):
