@@ -151,6 +151,17 @@ static double area_below(const Outline *o, int c) {
   return sum;
 }
 
+/* Whether the chains pass each other: at strips the readings would tell, but not between them. */
+static int crosses(const Outline *o) {
+  for (int c = 0; c < 2; c++) {
+    for (Int i = 1; i < o->count[c] - 1; i++) {
+      double other = between(o, 1 - c, edge_at(o, 1 - c, o->x[c][i]), o->x[c][i]);
+      if (c ? o->y[c][i] < other : o->y[c][i] > other) return 1;
+    }
+  }
+  return 0;
+}
+
 /* Log density but for a constant; REFUSED where there is no such outline. */
 static double log_prior(const OutlinePrior *prior, const Outline *o) {
   Int last[2] = {o->count[0] - 1, o->count[1] - 1}, reflex = 0;
@@ -175,6 +186,7 @@ static double log_prior(const OutlinePrior *prior, const Outline *o) {
       before = slope;
     }
   }
+  if (reflex && crosses(o)) return REFUSED; /* convex ones pass only where an end does */
   int ends[2] = {upright(o, 0), upright(o, 1)};
   Int vertices = interior(o) + 2 + ends[0] + ends[1];
   if (vertices < 3 || vertices > MOST_CORNERS) return REFUSED;
