@@ -123,6 +123,7 @@ def test_ends_between_few_strips_leave_doubt(seed: int) -> None:
     sensor = ts.Sensor(construction="crs-crs", strips=7, pitch_mm=100 / 7, length_mm=100.0)
     contact = ts.Contact.polygon([(27, 30), (73, 36), (73, 66), (27, 60)])
     noise = ts.Noise(positional=0.002)
-    (found,) = ts.fit_polygon(ts.simulate(sensor, contact, noise, rng=seed), sensor, noise).objects
+    scan = ts.simulate(sensor, contact, noise, rng=seed)
+    (found,) = ts.fit_polygon(scan, sensor, noise, assessment="fast").objects
     assert found.confidence is not None
-    assert found.confidence < 0.97
+    assert found.confidence < 0.9  # an end may lie anywhere between two strips
