@@ -116,3 +116,14 @@ def test_advice_asks_for_a_second_signature_only_where_the_sensor_has_one() -> N
         found = ts.fit_polygon(one, sensor, noise, assessment="fast").objects[0]
         assert found.status == "doubtful"
         assert re.findall("use .*?signatures", found.advice)[0] == wanted
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_ends_between_few_strips_leave_doubt(seed: int) -> None:
+    sensor = ts.Sensor(construction="crs-crs", strips=7, pitch_mm=100 / 7, length_mm=100.0)
+    contact = ts.Contact.polygon([(27, 30), (73, 36), (73, 66), (27, 60)])
+    noise = ts.Noise(positional=0.002)
+    scan = ts.simulate(sensor, contact, noise, rng=seed)
+    (found,) = ts.fit_polygon(scan, sensor, noise, assessment="fast").objects
+    assert found.confidence is not None
+    assert found.confidence < 0.9  # an end may lie anywhere between two strips

@@ -151,6 +151,17 @@ static double area_below(const Outline *o, int c) {
   return sum;
 }
 
+/* Whether the chains pass each other: at strips the readings would tell, but not between them. */
+static int crosses(const Outline *o) {
+  for (int c = 0; c < 2; c++) {
+    for (Int i = 1; i < o->count[c] - 1; i++) {
+      double other = between(o, 1 - c, edge_at(o, 1 - c, o->x[c][i]), o->x[c][i]);
+      if (c ? o->y[c][i] < other : o->y[c][i] > other) return 1;
+    }
+  }
+  return 0;
+}
+
 /* Log density but for a constant; REFUSED where there is no such outline. */
 static double log_prior(const OutlinePrior *prior, const Outline *o) {
   Int last[2] = {o->count[0] - 1, o->count[1] - 1}, reflex = 0;
@@ -175,6 +186,7 @@ static double log_prior(const OutlinePrior *prior, const Outline *o) {
       before = slope;
     }
   }
+  if (reflex && crosses(o)) return REFUSED; /* convex ones pass only where an end does */
   int ends[2] = {upright(o, 0), upright(o, 1)};
   Int vertices = interior(o) + 2 + ends[0] + ends[1];
   if (vertices < 3 || vertices > MOST_CORNERS) return REFUSED;
@@ -256,11 +268,34 @@ static double move_vertex(Sampler *s, Outline *o) {
   return 0.0;
 }
 
+/* An end goes out or in and its edges, or one of a point, keep their lines: between two strips nothing else is as likely. */
+static double slide_end(Sampler *s, Outline *o, int end, int both, double dx) {
+  int only = random(s) < 0.5;
+  if (!both) dx *= scale(s); /* the other edge turns */
+  double y[2], x = 0.0, shrunk = 1.0;
+  for (int c = 0; c < 2; c++) {
+    Int i = end ? o->count[c] - 1 : 0, next = end ? i - 1 : 1;
+    double run = o->x[c][next] - o->x[c][i], left = (run - dx) / run;
+    if (!(left > 0.0)) return REFUSED;
+    x = o->x[c][i] + dx;
+    y[c] = o->y[c][i] + dx * (o->y[c][next] - o->y[c][i]) / run;
+    if (both || c == only) shrunk *= left; /* lines lie closer to each other near the next vertex */
+  }
+  if (!both) y[1 - only] = y[only];
+  for (int c = 0; c < 2; c++) {
+    Int i = end ? o->count[c] - 1 : 0;
+    o->x[c][i] = x;
+    o->y[c][i] = y[c];
+  }
+  return natural_log(shrunk);
+}
+
 static double move_end(Sampler *s, Outline *o) {
   int end = random(s) < 0.5, both = upright(o, end);
   Int at[2] = {end ? o->count[0] - 1 : 0, end ? o->count[1] - 1 : 0};
   if (random(s) < 0.3) {
     double dx = s->problem->pitch * (random(s) - 0.5);
+    if (!s->free) return slide_end(s, o, end, both, dx);
     for (int c = 0; c < 2; c++) o->x[c][at[c]] += dx;
     return 0.0;
   }

@@ -29,6 +29,7 @@ from tacstrip.reconstruction.polygon.goodness_of_fit import explains, misfit, se
 from tacstrip.reconstruction.polygon.run import ModelInMm, RunFit
 from tacstrip.reconstruction.posterior.assessment import (
     ENOUGH,
+    ENOUGH_OF_FEW,
     ENOUGH_OF_ONE,
     ENOUGH_STRIPS,
     PROMISED_IOU,
@@ -218,7 +219,8 @@ def reconstruct_object(
     ):  # else it may be the outline
         notes = _notes(scan, sensor, contact, around, noise is not None, faulty)
     of_one = ENOUGH_OF_ONE.get(effort, ENOUGH)
-    enough = ENOUGH if not second else _NEVER if never else of_one
+    of_both = ENOUGH_OF_FEW if few_strips(run) else ENOUGH
+    enough = of_both if not second else _NEVER if never else of_one
     status, advice = _verdict(
         wrong, weak, assessed, effort, second, averaging, area_mm2 is not None, enough, of_one
     )

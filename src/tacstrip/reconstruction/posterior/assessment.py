@@ -29,6 +29,7 @@ _EFFORTS = get_args(Effort)
 
 PROMISED_IOU = 0.8  # of an outline that is "ok" with the true one
 ENOUGH = 0.77  # confidence of the least certain "ok": all of them together are right in 95 of 100 cases
+ENOUGH_OF_FEW = 0.85  # with both signatures on fewer than `ENOUGH_STRIPS`: many are hardly surer
 # With one signature, where many are hardly surer than that.
 ENOUGH_OF_ONE: Mapping[Effort, float] = {"thorough": 0.61, "fast": 0.52}
 _EVALUATIONS = {"thorough": 240_000, "fast": 14_000}
@@ -66,7 +67,7 @@ _ALARM = 3.5
 _LIGHTEST, _MOST = 0.05, 4  # weight of an alternative, and how many are told
 # IoU of nearly all outlines that the covariance allows: nothing to sample, and what it is worth.
 _FIRM, _SURE = 0.9, 0.995
-ENOUGH_STRIPS = 12  # of fewer with one signature no outline is sure enough to be "ok"
+ENOUGH_STRIPS = 12  # of fewer "ok" asks for more, and with one signature no outline is sure enough
 _SWEPT = 1.0 - _FIRM  # of the area: what differs by no more overlaps as much
 
 
@@ -255,7 +256,7 @@ def doubts(
 
 
 def few_strips(run: RunFit) -> bool:
-    """Whether the fit is of so few strips that with one signature no outline is sure enough to be "ok"."""
+    """Whether the fit is of so few strips that "ok" asks for more."""
     return run.problem.x.size < ENOUGH_STRIPS
 
 
