@@ -32,8 +32,8 @@ _OVERHANG, _WITHIN_A_STRIP, _POINTED = 0.2, 2.0, 2.0
 # From log odds by that prior to those of drawn pairs and concave shapes, as many of each: a constant, a factor, and
 # what it tells that pieces are apart wherever they are seen, which jumps one by one do not.
 _CONSTANT, _FACTOR, _APART = -1.0, 0.7, 2.2
-# The same to one convex object, of which there are four times as many as pairs.
-_OF_CONVEX, _FACTOR_OF_CONVEX = -2.5, 2.0
+# The same to one convex object, of which some four times as many are met as of pairs.
+_OF_CONVEX, _FACTOR_OF_CONVEX = -3.5, 2.0
 _LEAST = 0.01  # probability by that prior, from which two objects are told
 
 
@@ -183,6 +183,9 @@ def _log_odds(ends: Ends, both: _Places, parts: _Chains, convex: bool) -> float:
                 of_two -= math.log(height)
                 overhang -= math.log(height)
                 of_one += math.log(_at_any_angle(*_step(ends, side, strip, place, parts[side])))
+                if convex:  # just the one that goes on is there: at its tip, or as wide as any
+                    wide = float(np.ptp(ends.y[:, 0 if strip == 1 else -1]))
+                    of_two += math.log(0.5 + 0.5 * _at_any_angle(wide, ends.pitch) * height)
     if convex:
         return of_two - of_one
     concave = np.logaddexp(math.log(1.0 - _OVERHANG) + of_one, math.log(_OVERHANG) + overhang)
