@@ -204,9 +204,7 @@ TWENTY = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=5.0, length_mm=10
 def test_a_tip_on_the_outermost_strip_may_be_of_a_second_object(told: bool) -> None:
     """A convex outline explains it too, by an edge that crosses just that strip: the corner is cut off there."""
     lower, tip = [(31, 20), (50, 15), (66, 20), (66, 33), (31, 35)], [(31, 68), (69, 66), (69, 69), (40, 74)]
-    found = _fitted(
-        Polygon(lower), Polygon(tip), told=told, sensor=TWENTY, noise=ts.Noise(positional=0.003)
-    )
+    found = _fitted(Polygon(lower), Polygon(tip), told=told, sensor=TWENTY, noise=ts.Noise(positional=0.003))
     assert found.status == "doubtful"
     assert "two objects" in found.advice
     assert any(other.others for other in found.alternatives)
