@@ -86,7 +86,7 @@ def _ends_there(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray])
     weight = 1.0 / np.stack(end_deviations(sensor, l, u, run.sigma)) ** 2
     sound = ~run.excluded.any(axis=0) & np.isfinite(l + u)
     at = np.arange(n)
-    for i in np.flatnonzero(open_):
+    for i in np.flatnonzero(open_).tolist():
         if (beyond := min(i, n - 1 - i)) >= _OUTER:
             continue
         inner = sound & ((at > i) if i == beyond else (at < i))

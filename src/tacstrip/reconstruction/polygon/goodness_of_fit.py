@@ -242,7 +242,7 @@ def _pair_at_the_ends(
     """
     x, l, u = _read_ends(run, sensor, readings)
     read = np.isfinite(l + u)
-    n, x, l, u = np.count_nonzero(read), x[read], l[read], u[read]
+    n, x, l, u = int(read.sum()), x[read], l[read], u[read]
     if n < _LEAST_STRIPS:
         return None
     y = np.stack([l, u])
@@ -254,7 +254,7 @@ def _pair_at_the_ends(
     jumps = alone > np.maximum(_SPIKE * sensor.pitch_mm, _SURE * noise[:, [0, -1]])
     if not jumps.any():
         return None
-    near = [[at for at, jump in zip((1, n - 1), of, strict=True) if jump] for of in jumps]
+    near = [[at for at, jump in ((1, of[0]), (n - 1, of[1])) if jump] for of in jumps]
     return likeliest_pair(Ends(x, y, noise, sensor.pitch_mm), near, None)
 
 
