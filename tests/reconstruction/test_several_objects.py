@@ -195,3 +195,31 @@ def test_confidence_and_weights_are_probabilities_of_different_things() -> None:
             assert all(0.0 < weight <= 1.0 for weight in weights)
             assert sum(weights) + (found.confidence or 0.0) <= 1.0 + 1e-9, (number, found)
     assert several >= 3
+
+
+TWENTY = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=5.0, length_mm=100.0)
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_a_tip_on_the_outermost_strip_may_be_of_a_second_object(told: bool) -> None:
+    """A convex outline explains it too, by an edge that crosses just that strip: the corner is cut off there."""
+    lower, tip = [(31, 20), (50, 15), (66, 20), (66, 33), (31, 35)], [(31, 68), (69, 66), (69, 69), (40, 74)]
+    found = _fitted(Polygon(lower), Polygon(tip), told=told, sensor=TWENTY, noise=ts.Noise(positional=0.003))
+    assert found.status == "doubtful"
+    assert "two objects" in found.advice
+    assert any(other.others for other in found.alternatives)
+
+
+@pytest.mark.parametrize("degrees", [0.0, 10.0, 25.0, 40.0])
+def test_a_convex_object_that_narrows_at_both_ends_is_ok(degrees: float) -> None:
+    found = _fitted(_placed(Polygon([(0, 0), (60, 0), (60, 30), (0, 30)]), degrees))
+    assert found.status == "ok"
+    assert not found.advice
+
+
+def test_a_narrow_strip_behind_a_notch_is_no_faulty_channel() -> None:
+    notched = Polygon([(26.5, 71), (33, 84), (75, 45), (41, 12), (32, 16), (30.8, 66)])
+    found = _fitted(notched, told=False, sensor=TWENTY, noise=ts.Noise(positional=0.003))
+    assert found.status == "doubtful"
+    assert not found.faulty
+    assert "may be of a second object, or of an overhang" in found.advice

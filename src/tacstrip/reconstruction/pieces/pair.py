@@ -3,6 +3,9 @@
 On every strip that two disjoint convex objects share, one lies above the other. So l and u are convex chains but for
 two events: one object begins, or ends, beside the other. All ways to place these near inward corners of an outline are
 tried; chains are convex regressions, and what is seen of both objects must lie apart and within the readings.
+
+Where an object reaches a strip further than the other no inward corner shows it: a convex outline explains l and u too,
+by an edge that is nearly along the strips and crosses just the outermost one.
 """
 
 from __future__ import annotations
@@ -29,6 +32,8 @@ _OVERHANG, _WITHIN_A_STRIP, _POINTED = 0.2, 2.0, 2.0
 # From log odds by that prior to those of drawn pairs and concave shapes, as many of each: a constant, a factor, and
 # what it tells that pieces are apart wherever they are seen, which jumps one by one do not.
 _CONSTANT, _FACTOR, _APART = -1.0, 0.7, 2.2
+# The same to one convex object, of which some four times as many are met as of pairs.
+_OF_CONVEX, _FACTOR_OF_CONVEX = -3.5, 2.0
 _LEAST = 0.01  # probability by that prior, from which two objects are told
 
 
@@ -74,9 +79,9 @@ class Ends:
 
 
 def likeliest_pair(
-    ends: Ends, places: Sequence[Sequence[int]], corners: Sequence[Sequence[int]], apart: bool
+    ends: Ends, places: Sequence[Sequence[int]], corners: Sequence[Sequence[int]] | None, apart: bool = False
 ) -> Pair | None:
-    """Return the pair that is likeliest beside a concave object; None where none is possible, or likely at all.
+    """Return the pair that is likeliest beside one object; None where none is possible, or likely at all.
 
     Parameters
     ----------
@@ -85,7 +90,8 @@ def likeliest_pair(
     places
         Strips of l, and of u, before which an object may begin or end.
     corners
-        Strips right of the inward corners of l, and of u: between them the concave object's chains are convex.
+        Strips right of the inward corners of l, and of u: between them the concave object's chains are convex. None:
+        the one object is convex.
     apart
         Whether convex pieces that explain the readings touch nowhere.
     """
@@ -102,7 +108,9 @@ def likeliest_pair(
         return fitted, float((weight[side, own] * (y[side, own] - fitted) ** 2).sum())
 
     least = sum(
-        chain(side, a, b, True)[1] for side in (0, 1) for a, b in pairwise(sorted({0, *corners[side], n}))
+        chain(side, a, b, True)[1]
+        for side in (0, 1)
+        for a, b in pairwise(sorted({0, *([] if corners is None else corners[side]), n}))
     )
     for both in _places(n, places):
         # Where the lower object is, l is its; where the upper one is, u is its; elsewhere the other's.
@@ -115,12 +123,17 @@ def likeliest_pair(
             more += chi_square
         if most - 0.5 * max(more, 0.0) <= best:
             continue
-        odds = _log_odds(ends, both, parts) - 0.5 * max(more, 0.0)
+        odds = _log_odds(ends, both, parts, corners is None) - 0.5 * max(more, 0.0)
         if odds > best and (shown := _shown(ends, both, parts)) is not None:
             best, found = odds, shown
     if found is None:
         return None
-    return Pair(*found, 1.0 / (1.0 + math.exp(-(_CONSTANT + _FACTOR * best + _APART * apart))))
+    odds = (
+        _OF_CONVEX + _FACTOR_OF_CONVEX * best
+        if corners is None
+        else _CONSTANT + _FACTOR * best + _APART * apart
+    )
+    return Pair(*found, 1.0 / (1.0 + math.exp(-odds)))
 
 
 def _strips(n: int, begin: int, end: int) -> BoolArray:
@@ -148,14 +161,15 @@ def _places(n: int, corners: Sequence[Sequence[int]]) -> Iterator[_Places]:
             yield (whole, place) if upper else (place, whole)
 
 
-def _log_odds(ends: Ends, both: _Places, parts: _Chains) -> float:
-    """Return the log odds of two objects so placed to a concave one, but for what each leaves of the readings.
+def _log_odds(ends: Ends, both: _Places, parts: _Chains, convex: bool) -> float:
+    """Return the log odds of two objects so placed to one, but for what each leaves of the readings.
 
     Of two objects one begins at any height beside the other; that it does so within a strip is a coincidence. An edge
-    of a concave object may have any direction: that it rises far within a pitch is one, unless the object overhangs.
+    of one object may have any direction: that it rises far within a pitch is one, unless the object overhangs, which no
+    convex one does.
     """
     n, height = len(ends.x), float(np.ptp(ends.y))
-    of_two, of_concave, overhang = 0.0, 0.0, 0.0
+    of_two, of_one, overhang = 0.0, 0.0, 0.0
     for at, outermost in zip(zip(*both, strict=True), (max, min), strict=True):
         if abs(at[0] - at[1]) <= 1 and (min(at) == 0 or max(at) == n):
             strip = outermost(at) - (outermost is min)
@@ -164,11 +178,17 @@ def _log_odds(ends: Ends, both: _Places, parts: _Chains) -> float:
             of_two += math.log(min(_WITHIN_A_STRIP / n, 1.0)) - math.log(0.5 + 0.5 * pointed)
     for side, place in enumerate(both):
         for strip in place:
-            if 1 < strip < n - 1:  # at the outer strip an edge of any contact may be as steep
+            # At the outer strip an edge of a concave one may be as steep.
+            if 1 < strip < n - 1 or (convex and 0 < strip < n):
                 of_two -= math.log(height)
                 overhang -= math.log(height)
-                of_concave += math.log(_at_any_angle(*_step(ends, side, strip, place, parts[side])))
-    concave = np.logaddexp(math.log(1.0 - _OVERHANG) + of_concave, math.log(_OVERHANG) + overhang)
+                of_one += math.log(_at_any_angle(*_step(ends, side, strip, place, parts[side])))
+                if convex:  # just the one that goes on is there: at its tip, or as wide as any
+                    wide = float(np.ptp(ends.y[:, 0 if strip == 1 else -1]))
+                    of_two += math.log(0.5 + 0.5 * _at_any_angle(wide, ends.pitch) * height)
+    if convex:
+        return of_two - of_one
+    concave = np.logaddexp(math.log(1.0 - _OVERHANG) + of_one, math.log(_OVERHANG) + overhang)
     return of_two - float(concave)
 
 

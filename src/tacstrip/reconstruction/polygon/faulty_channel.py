@@ -2,6 +2,7 @@
 
 Two readings tell both ends of the contact on a strip. A faulty channel moves both, for its error is none that a contact
 makes; a second object, or an overhang, moves one. The strip's other reading decides: it agrees with all others, or not.
+Where the contact ends, a narrow strip behind a notch, or of a second object, does as a fault does.
 """
 
 from __future__ import annotations
@@ -12,8 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.core.convex_chain import convex_cost
 from tacstrip.core.model_selection import per_vertex_penalty
-from tacstrip.reconstruction.contact_ends import closed_ends
+from tacstrip.reconstruction.contact_ends import closed_ends, end_deviations
 from tacstrip.reconstruction.polygon.chi_square import squares_score
 from tacstrip.reconstruction.polygon.convexity import inward_corners
 from tacstrip.reconstruction.polygon.run import MOST_SIGMA, RunFit
@@ -45,6 +47,7 @@ def one_end_off(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray])
     left_out = run.excluded.any(axis=0) & inside
     one = (moved.deviations.min(axis=0) <= _STAYS) & (moved.deviations.max(axis=0) >= 2.0 * _STAYS)
     one &= np.abs(moved.off).max(axis=0) >= _GAP
+    one |= _ends_there(run, sensor, readings)
     beside = np.pad(left_out & one, 1)
     one[_OUTER:-_OUTER] &= (beside[:-2] | beside[2:])[_OUTER:-_OUTER]
     return bool((left_out & (one | (not run.checked))).any())
@@ -53,8 +56,8 @@ def one_end_off(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray])
 def contradictory(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray]) -> BoolArray:
     """Return which readings left out (S, n) no contact makes: of strips whose other reading agrees with all strips.
 
-    They move both ends of the contact, or its lower end above the upper one. None with one signature, nor where few
-    readings are left to check.
+    They move both ends of the contact, or its lower end above the upper one, and the contact does not just end there.
+    None with one signature, nor where few readings are left to check.
     """
     if len(run.excluded) < 2 or not np.count_nonzero(run.excluded) or not run.checked:
         return np.zeros_like(run.excluded)
@@ -62,8 +65,44 @@ def contradictory(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray
     with np.errstate(invalid="ignore"):
         crossed = readings["kh"] < readings["kl"] - 2.0 * _STAYS * run.sigma
         both = (moved.deviations.min(axis=0) > _STAYS) & (np.abs(moved.off).max(axis=0) >= _GAP)
-        none = crossed | both
+        none = crossed | (both & ~_ends_there(run, sensor, readings))
     return np.asarray(run.excluded & none & (run.excluded.sum(axis=0) == 1))
+
+
+def _ends_there(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray]) -> BoolArray:
+    """Return on which strips (n,) at either end readings were left out that fit a contact that narrows there at once.
+
+    By a notch, or as one of two objects goes on: put back, l and u are convex up to there, and one of them beyond, too.
+    A reading at ground or Vref shows its fault in itself.
+    """
+    read = np.stack([readings["kh"], readings["kl"]])
+    x = run.problem.x * run.problem.width_mm
+    n, rail = x.size, _RAIL * run.sigma
+    found = np.zeros(n, dtype=np.bool_)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        l, u = closed_ends(sensor, *read)
+        railed = run.excluded & ((read <= rail) | (read >= 1.0 - rail))
+        open_ = run.excluded.any(axis=0) & ~railed.any(axis=0) & (read[0] > read[1])
+    weight = 1.0 / np.stack(end_deviations(sensor, l, u, run.sigma)) ** 2
+    sound = ~run.excluded.any(axis=0) & np.isfinite(l + u)
+    at = np.arange(n)
+    for i in np.flatnonzero(open_).tolist():
+        if (beyond := min(i, n - 1 - i)) >= _OUTER:
+            continue
+        inner = sound & ((at > i) if i == beyond else (at < i))
+        chains = [(x, y, w) for y, w in zip((l, -u), weight, strict=True)]
+        found[i] = all(_convex_with(*chain, inner, i) for chain in chains) and (
+            beyond == 0 or any(_convex_with(*chain, sound, i) for chain in chains)
+        )
+    return found
+
+
+def _convex_with(x: FloatArray, y: FloatArray, weight: FloatArray, others: BoolArray, i: int) -> bool:
+    """Whether a chain y (n,) of others stays as near to a convex one with strip i."""
+    both = others.copy()
+    both[i] = True
+    before, after = (convex_cost(x[of], y[of], weight[of]) for of in (others, both))
+    return after - before <= _STAYS**2
 
 
 def without_one(

@@ -16,7 +16,7 @@ from tacstrip.core.search import PAST, most_vertices
 from tacstrip.geometry.metrics import column_iou
 from tacstrip.geometry.moments import moments
 from tacstrip.geometry.outline import Outline
-from tacstrip.reconstruction.contact_ends import closed_ends
+from tacstrip.reconstruction.contact_ends import closed_ends, end_deviations
 from tacstrip.reconstruction.noise_covariance import CorrelatedErrors
 from tacstrip.reconstruction.pieces.chain import Cut
 from tacstrip.reconstruction.pieces.pair import Ends, Pair, likeliest_pair
@@ -40,6 +40,8 @@ _EVENTS = 4
 _HIDDEN = 0.55  # of an outline, behind an overhang: more, and the shape is not known
 _NEARLY = 0.9  # IoU with convex ends that explain the readings
 _NOISIER = 3.0  # times the noise given: neighbours that differ by so much are noise, not jumps
+# Of an outermost strip, where just one end jumps: pitches, deviations, and strips at least that tell a jump.
+_SPIKE, _SURE, _LEAST_STRIPS = 2.0, 6.0, 4
 # Of what a polygon leaves over: neighbours that differ so little say that it follows them badly.
 _SMOOTHED = 0.7
 
@@ -140,8 +142,8 @@ def second_look(
     inward = any(inward_corners(fit)) if told is None else told
     if one_end_off(run, sensor, readings):
         wrong = wrong or (
-            "what was left out may be of a second object, or of an overhang: it moves one end of the contact and "
-            "leaves the other, as a faulty channel hardly does; if one is faulty, leave it out by name (--without)"
+            "what was left out may be of a second object, or of an overhang: one end of the contact goes on there as "
+            "on the other strips; if a channel is faulty, leave it out by name (--without)"
         )
         return wrong, None
     sigma = run.sigma
@@ -152,10 +154,9 @@ def second_look(
         elif level > _NOISIER * sigma:
             return wrong, None  # of readings that scatter more than the noise given, jumps tell nothing
     open_ = np.count_nonzero(run.excluded & ~contradictory(run, sensor, readings))
-    if not (wrong or open_ or inward or sigma < _SMOOTHED * run.sigma) or (
-        distribution is None and run.sigma > MOST_SIGMA
-    ):
-        return wrong, None
+    unlike = wrong or open_ or inward or sigma < _SMOOTHED * run.sigma
+    if not unlike or (distribution is None and run.sigma > MOST_SIGMA):
+        return wrong, None if wrong else _pair_at_the_ends(run, sensor, readings, sigma)
     if not np.isfinite(sum(readings.values())).any():
         return wrong, None  # no strip has both its ends: nothing tells pieces
     pieces = _pieces_of(run, sensor, readings, sigma)
@@ -166,7 +167,9 @@ def second_look(
         own = np.stack(
             [np.interp(x, *chain.T) / sensor.length_mm for chain in (outline.lower, outline.upper)]
         )
-        return "" if column_iou(own, np.sort(convex.ends, axis=0)) >= _NEARLY else wrong, None
+        if column_iou(own, np.sort(convex.ends, axis=0)) < _NEARLY and wrong:
+            return wrong, None
+        return "", _pair_at_the_ends(run, sensor, readings, sigma)
     if wrong:
         more = f"; at least {pieces.count} convex pieces explain the readings"
         return wrong if pieces.count == 1 else wrong + more, None
@@ -190,15 +193,21 @@ def second_look(
     return "", pair
 
 
-def _pieces_of(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray], sigma: float) -> RunPieces:
-    """Return the pieces that a run's readings hold, also those that no polygon of one object follows."""
+def _read_ends(
+    run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return x, l and u [mm] of a run's strips, NaN where a reading was left out."""
     x = run.problem.x * run.problem.width_mm + run.problem.origin_mm
     used = [
         np.where(out, np.nan, readings[name]) for name, out in zip(("kh", "kl"), run.excluded, strict=True)
     ]
     with np.errstate(divide="ignore", invalid="ignore"):
-        l, u = closed_ends(sensor, used[0], used[1])
-    return split_run(sensor, x, l, u, sigma)
+        return x, *closed_ends(sensor, used[0], used[1])
+
+
+def _pieces_of(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray], sigma: float) -> RunPieces:
+    """Return the pieces that a run's readings hold, also those that no polygon of one object follows."""
+    return split_run(sensor, *_read_ends(run, sensor, readings), sigma)
 
 
 def _pair_of(
@@ -221,6 +230,32 @@ def _pair_of(
         close |= {int(strips[cut.strip]) for of, cut in pieces.cuts if of == side} | {1, len(x) - 1}
         near.append(sorted(i for i in close if 0 < i < len(x)))
     return likeliest_pair(ends, near, right, pieces.apart)
+
+
+def _pair_at_the_ends(
+    run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray], sigma: float
+) -> Pair | None:
+    """Return the two objects that a convex outline may be, of which one reaches an outermost strip further.
+
+    There one end jumps, and the other goes on. Where one object ends both come nearer to each other, unless an edge
+    nearly along the strips crosses the outermost one.
+    """
+    x, l, u = _read_ends(run, sensor, readings)
+    read = np.isfinite(l + u)
+    n, x, l, u = int(read.sum()), x[read], l[read], u[read]
+    if n < _LEAST_STRIPS:
+        return None
+    y = np.stack([l, u])
+    bend = np.diff((y * [[1.0], [-1.0]])[:, [[2, 1, 0], [-3, -2, -1]]], n=2)[..., 0]
+    alone = bend - np.maximum(bend[::-1], 0.0)
+    if alone.max() <= _SPIKE * sensor.pitch_mm:
+        return None
+    noise = np.stack(end_deviations(sensor, l, u, sigma))
+    jumps = alone > np.maximum(_SPIKE * sensor.pitch_mm, _SURE * noise[:, [0, -1]])
+    if not jumps.any():
+        return None
+    near = [[at for at, jump in ((1, of[0]), (n - 1, of[1])) if jump] for of in jumps]
+    return likeliest_pair(Ends(x, y, noise, sensor.pitch_mm), near, None)
 
 
 def _behind(cut: Cut, x: FloatArray) -> float:
