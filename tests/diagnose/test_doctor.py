@@ -439,3 +439,29 @@ def test_a_line_that_stands_out_is_asked_about_however_few_the_looks(number: int
 def test_a_contact_at_the_border_that_reads_as_rest_and_sways_does_not_wander() -> None:
     """Its levels jump from one stretch of time to the next; a zero that wanders slowly does not."""
     assert doctor_set.score(430, 212)["verdict"] == "ok"
+
+
+def _at_rest(log: Log, rest: float) -> Log:
+    """Return the log of a unit whose untouched strips, and wires that nothing holds, read this over Vref."""
+    sensor = replace(
+        log.sensor, rest_volt=rest * log.sensor.vref_volt, touch_volt=0.04 * log.sensor.vref_volt
+    )
+    noise = np.random.default_rng(1).normal(0.0, 0.001, log.touched.shape)
+    raw = {name: np.where(log.touched, values, rest + noise) for name, values in log.raw.items()}
+    return Log.of(sensor, log.time_s, raw)
+
+
+@pytest.mark.parametrize("rest", [0.0, 0.1, 0.3, 0.5, 0.7, 1.0])
+@pytest.mark.parametrize("sensor", [RUBBER, METAL])
+def test_any_level_of_rest(sensor: ts.Sensor, rest: float) -> None:
+    contacts = exercise(sensor, np.random.default_rng(5), 480)
+    sound = faulty_log(sensor, contacts, (), FAINT, 5, 220.0)
+    assert diagnose(_at_rest(sound, rest)).findings == ()
+    cut = faulty_log(sensor, contacts, [Defect("open-strip", 7, 0.6)], FAINT, 5, 220.0)
+    _only(diagnose(_at_rest(cut, rest)), "open-strip", 7)
+    name = next(iter(sound.raw))
+    unheld = _at_rest(sound, rest)
+    read = {**unheld.raw, name: unheld.raw[name].copy()}
+    read[name][:, 4] = rest
+    (found,) = diagnose(Log.of(unheld.sensor, unheld.time_s, read)).findings
+    assert (found.fault, found.strips) == ("dead" if sensor is RUBBER else "open-strip", (4,))

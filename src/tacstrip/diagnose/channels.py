@@ -52,7 +52,8 @@ def on_rails(work: WorkingCopy) -> Iterator[Suspect]:
     gap = np.stack([predict_from_neighbours(work.k[n], work.there)[2] for n in names]) / 2.0
     inside = (e - gap > _INSIDE / 2.0) & (e + gap < 1.0 - _INSIDE / 2.0) & (np.abs(e - 0.5) < 0.5 - _INSIDE)
     # With an offset, a channel that lies on a rail reads one value next to it, its lowest or highest.
-    low = values <= np.maximum(_ground(work), np.minimum(_extreme(values), _ground(work) + _NEAR_RAIL)) + near
+    rest, floor = _rest(work), _ground(work)
+    low = values <= np.maximum(floor, np.minimum(_extreme(values), floor + _NEAR_RAIL)) + near
     high = values >= np.minimum(1.0, np.maximum(-_extreme(-values), 1.0 - _NEAR_RAIL)) - near
     silent, level = _silent(work)
     off_rails = np.asarray((inside & ~low & ~high).any(axis=0))
@@ -62,8 +63,11 @@ def on_rails(work: WorkingCopy) -> Iterator[Suspect]:
         sides = np.pad(work.there, ((0, 0), (1, 1)), constant_values=True)
         ground &= sides[:, :-2] & sides[:, 2:]
     # One channel on ground where the other is not: its wire is dead.
-    off_rail = values.max(axis=0) > max(2.0 * near, _ground(work) + _NEAR_RAIL)
+    off_rail = values.max(axis=0) > max(2.0 * near, floor + _NEAR_RAIL)
     single = inside & low & ~low.all(axis=0) & off_rail
+    if rest > floor:  # a free wire is pulled up, then
+        free = np.abs(values - rest) <= max(near, _touch(work))
+        single |= inside & free & ~free.all(axis=0) & (np.abs(e - rest) - gap > _INSIDE)
     known_places = inside.any(axis=0).sum(axis=0)
     ground[:, work.touched_without_contact()] = vref[:, work.touched_without_contact()] = False
     for strip in range(work.strips):
@@ -89,7 +93,8 @@ def _extreme(values: FloatArray) -> FloatArray:
 def _silent(work: WorkingCopy) -> tuple[BoolArray, FloatArray]:
     """Return where a strip counts as untouched between two under one contact, and at what level these are.
 
-    Both (places, strips). So does one that is cut above the contact, where what a free wire reads is near ground.
+    Both (places, strips). So does one that is cut above the contact, where what a free wire reads is near ground, and
+    one that is cut below it, where that is near Vref.
     """
     sides = np.pad(work.there, ((0, 0), (1, 1)))
     gap = ~work.there & sides[:, :-2] & sides[:, 2:]
@@ -98,9 +103,20 @@ def _silent(work: WorkingCopy) -> tuple[BoolArray, FloatArray]:
         return gap & both & (apart < _ONE_CONTACT) & (np.abs(e - 0.5) < 0.5 - _INSIDE), e
 
 
-def _ground(work: WorkingCopy) -> float:
+def _rest(work: WorkingCopy) -> float:
     """Return what an unconnected wire reads, over Vref."""
     return (work.sensor.rest_volt or 0.0) / work.sensor.vref_volt
+
+
+def _touch(work: WorkingCopy) -> float:
+    """Return how far from rest counts as touched, over Vref."""
+    return (work.sensor.touch_volt or 0.0) / work.sensor.vref_volt
+
+
+def _ground(work: WorkingCopy) -> float:
+    """Return what a strip reads that hangs on ground, over Vref: rest, unless a free wire is pulled up from there."""
+    rest = _rest(work)
+    return rest if rest <= _NEAR_RAIL else 0.0
 
 
 def _open_strip(
@@ -114,12 +130,18 @@ def _open_strip(
     silent: FloatArray,
     sound: FloatArray,
 ) -> Iterator[Suspect]:
-    # A gap between two objects is at any height; one above a cut is below all contacts that read Vref.
-    cut = vref.sum() >= _FEW and len(silent) and np.median(silent) < np.quantile(level[vref], 0.1) - _BELOW
-    silent = silent[silent < np.quantile(level[vref], 0.1)] if cut else silent[:0]
-    on_ground = int(ground.sum()) + len(silent)
+    # A gap between two objects is at any height; one above a cut is below all contacts that read Vref, and one below
+    # it, of a strip that is pulled up, above all that read ground.
+    pulled_up = _rest(work) > 0.5
+    sign, far = (-1.0, ground) if pulled_up else (1.0, vref)
+    if abs(_rest(work) - pulled_up) > _NEAR_RAIL or far.sum() < _FEW or not len(silent):
+        silent = silent[:0]
+    else:
+        beyond = np.quantile(sign * level[far], 0.1)
+        silent = silent[(sign * silent < beyond) & (np.median(sign * silent) < beyond - _BELOW)]
+    on_ground, on_vref = (int(at.sum()) + len(silent) * (at is not far) for at in (ground, vref))
     places += len(silent)
-    count = on_ground + int(vref.sum())
+    count = on_ground + on_vref
     always = count >= _ALWAYS * places
     # An object over the strip's end does not put two channels on one rail at every place.
     enough = _FEW if always and len(work.k) == 2 else _SOME
@@ -131,20 +153,21 @@ def _open_strip(
     if _spread(levels) < (_MOVES_OFTEN if passes(rows) >= _PASSES else _MOVES):
         return
     where = ""
-    if on_ground and vref.any():
-        top = max(level[ground].max(initial=0.0), silent.max(initial=0.0))
-        y = sorted(float(v) * work.sensor.length_mm for v in (top, level[vref].min()))
+    if on_ground and on_vref:
+        below, above = (np.append(level[at], silent if at is not far else []) for at in (ground, vref))
+        y = sorted(float(v) * work.sensor.length_mm for v in (below.max(), above.min()))
         where = f"; the cut lies near y = {y[0]:.4g} to {y[1]:.4g} mm"
     elif always:
-        where = f"; {_open_end(bool(vref.any()))}"
+        where = f"; {_open_end(on_vref > 0)}"
+    grounded, vrefs = (" or untouched" * bool(len(silent) and at is not far) for at in (ground, vref))
     evidence = (
-        f"on ground{' or untouched' * bool(len(silent))} in {on_ground} and on Vref in {int(vref.sum())} of {places} "
+        f"on ground{grounded} in {on_ground} and on Vref{vrefs} in {on_vref} of {places} "
         f"places where its neighbours expect 0.15 to 0.85 of Vref{where}"
     )
-    numbers = {"places": float(places), "at_ground": float(on_ground), "at_vref": float(vref.sum())}
+    numbers = {"places": float(places), "at_ground": float(on_ground), "at_vref": float(on_vref)}
     suspect = work.suspect("open-strip", [strip], evidence, numbers, gain)
     # A palm over the ends of some strips is on one rail at some places, too.
-    one_rail = not always and not (on_ground and vref.any())
+    one_rail = not always and not (on_ground and on_vref)
     doubtful = one_rail and not (_spread(levels) > _FAR_APART and _apart(levels, sound))
     # So is an object that lies still over the strip's end, beside one that moves.
     yield replace(suspect, doubtful=doubtful or (always and _stays_at_rim(work, strip)))
@@ -173,9 +196,10 @@ def _one_channel(
     # The corner of a contact reaches an end on one strip at one height; a dead channel is dead at all.
     often = {n: of for n, of in often.items() if _at_many_heights(levels[n], np.flatnonzero(single[n]))}
     numbers = {f"{n}_at_ground": float(c) for n, c in counts.items()}
+    free = "on ground" if _ground(work) == _rest(work) else "as at rest"
     if len(often) == 2 or (len(often) == 1 and min(counts.values()) >= _FEW):
         evidence = (
-            f"v_h is on ground in {counts['kh']} places and v_l in {counts['kl']} others, while the other of the two "
+            f"v_h is {free} in {counts['kh']} places and v_l in {counts['kl']} others, while the other of the two "
             "moves: v_h for contacts below the cut, v_l above it"
         )
         yield work.suspect("open-sensing", [strip], evidence, numbers, gain)
@@ -183,7 +207,7 @@ def _one_channel(
     for name, of in often.items():
         if counts[name] >= _SHARE * of:
             evidence = (
-                f"on ground in {counts[name]} of {int(of)} places where its neighbours expect 0.15 to 0.85 of Vref, "
+                f"{free} in {counts[name]} of {int(of)} places where its neighbours expect 0.15 to 0.85 of Vref, "
                 "while the strip's other channel moves"
             )
             yield work.suspect("dead", [strip], evidence, numbers, gain, name)
@@ -230,7 +254,7 @@ def not_moving(work: WorkingCopy) -> Iterator[Suspect]:
             if _like_rest(work, level) and np.count_nonzero(between[rows, strip]) < _SOME:
                 continue
             near = max(_RAIL, 4.0 * work.sigma)
-            fault = "dead" if abs(level - _ground(work)) < near else "stuck"
+            fault = "dead" if abs(level - _rest(work)) < near else "stuck"
             end = ""
             if (
                 len(work.k) == 1
@@ -344,11 +368,11 @@ def never_touched(work: WorkingCopy) -> Iterator[Suspect]:
         if count >= _FEW and np.ptp(first) + np.ptp(last) >= 1:
             fault = "dead"
             evidence = f"reads no contact in {count} places where both its neighbours do, though the contact moves on"
-            on_ground = bool(work.at_ground[work.order[strip]])
-            if on_ground or len(work.k) == 1:  # one open clamp, rather than all wires dead
+            on_rail, at_vref = bool(work.on_rail[work.order[strip]]), _rest(work) > 0.5
+            if on_rail or len(work.k) == 1:  # one open clamp, rather than all wires dead
                 fault = "open-strip"
-                end = _open_end(at_vref=False)
-                evidence += f"{', and is on ground throughout' * on_ground}; {end}, then at the sensing wires"
+                rail = f", and is on {'Vref' if at_vref else 'ground'} throughout" * on_rail
+                evidence += f"{rail}; {_open_end(at_vref)}, then at the sensing wires"
             suspect = work.suspect(fault, [strip], evidence, {"places": float(count)}, 1.0)
             # Two objects that stay side by side have a gap between them, whatever their rims do.
             yield replace(suspect, doubtful=bool(np.ptp(first + last) < _ACROSS))
@@ -363,9 +387,8 @@ def _away_from_rest(work: WorkingCopy) -> BoolArray:
 
 def _like_rest(work: WorkingCopy, level: float | FloatArray) -> BoolArray:
     """Return whether readings over Vref are those of an untouched strip, but for noise and offsets."""
-    touch = (work.sensor.touch_volt or 0.0) / work.sensor.vref_volt
     known = work.sensor.rest_volt is not None
-    return np.asarray(known & (np.abs(level - _ground(work)) < _FAR_FROM_REST * touch))
+    return np.asarray(known & (np.abs(level - _rest(work)) < _FAR_FROM_REST * _touch(work)))
 
 
 def _spread(values: FloatArray) -> float:

@@ -25,7 +25,7 @@ _BEYOND = 0.15  # of the readings at a strip's highest level: more above it, and
 _OFTEN, _SEEN = 0.6, 0.4  # of the strips along which contacts move to and fro, and of all
 _SOME, _SOME_SEEN = 0.4, 0.25  # the same for a question
 _MOVING = 0.6  # of the strips' levels: the contact's lowest reading moves at the others
-_ALIKE = 0.045  # over Vref: scatter of their levels
+_SURE_ALIKE, _ALIKE = 0.03, 0.045  # over Vref: scatter of their levels; more than the first is a question
 _PILE = 3.5  # times as dense as below
 _SLANTED = 0.75  # of the variance of their levels, in a line across the strips
 # Steps and over Vref, of noise that would show; over Vref, of ends, where converters stop; readings at a level.
@@ -169,6 +169,8 @@ def _end_level(log: Log, sigma: float) -> tuple[float | None, bool]:
     sure &= bool(np.ptp(level) == 0.0 or np.corrcoef(level, across)[0, 1] ** 2 < _SLANTED)
     middle = float(np.median(level))
     scatter = float(robust_sigma(level - middle))
+    # One reference and like clamps: where contacts stop by themselves, the levels differ more.
+    sure &= scatter < _SURE_ALIKE
     if not 0.4 < middle < _NO_CEILING - scatter / np.sqrt(len(level)) or scatter > _ALIKE:
         return None, False
     # A contact at the end of one strip is not there on the next: of all strips together.

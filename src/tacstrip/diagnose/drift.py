@@ -192,7 +192,7 @@ def _levels_at_rest(
     ):
         # A stray block is not a change.
         there = np.flatnonzero(np.isfinite(own[:, place]))
-        if len(there) >= _LOOKS and np.ptp(_MIDDLE[there]) >= _SPAN:
+        if len(there) >= _LOOKS and np.ptp(_MIDDLE[there[1:-1]]) >= _SPAN:
             out[there, order[place]] = median_filter(own[there, place], 3, mode="constant")
             out[there[[0, -1]], order[place]] = np.nan  # which the filter pads
     return out, float(np.median(shared)) if shared else np.nan, rests, np.stack(untouched), noise

@@ -80,9 +80,10 @@ def _anywhere(work: WorkingCopy, lines: list[FloatArray], away: BoolArray, strip
     """Whether a strip drops out at heights at which it reads well, too: a cut one does so on one side of the cut."""
     sides = np.pad(work.there, ((0, 0), (1, 1)))
     under = work.there[:, strip] | (sides[:, strip] & sides[:, strip + 2])
+    rest = (work.sensor.rest_volt or 0.0) / work.sensor.vref_volt
     for line, gone, values in zip(lines, away[:, :, strip], work.k.values(), strict=True):
         out, good = gone & under, line[~gone, strip]
-        line, high = line[:, strip], values[:, strip] >= 0.5
+        line, high = line[:, strip], np.where(work.there[:, strip], values[:, strip], rest) >= 0.5
         for side in (out & high & (line < 1.0 - _CLEAR), out & ~high & (line > _CLEAR)):
             if np.isfinite(line[side]).sum() >= _FEW_OUT and not _mixed(line[side], good):
                 return False

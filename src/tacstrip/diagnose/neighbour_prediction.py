@@ -18,7 +18,7 @@ Array = TypeVar("Array", FloatArray, BoolArray)
 _REACH = 3  # strips to either side that may stand in for a neighbour
 _MOVED = 0.01  # over Vref: a contact that changes a reading by this is at another place
 _ONE_CONTACT = 0.3  # over Vref: neighbours further apart are not taken to be under one contact
-_GROUND = 0.02  # over Vref
+_RAIL = 0.02  # over Vref
 _OFTEN_ALONE, _ALWAYS = 20, 0.97  # rows in which a strip's neighbours are untouched; of all rows
 _MOST_PLACES, _MOST_READINGS = 4000, 200_000
 
@@ -37,8 +37,8 @@ class WorkingCopy:
         Standard deviation of a reading over Vref.
     order
         The file's strip at each place across (strips,), counted from 0.
-    at_ground
-        Whether the file's strips (strips,) read ground, rather than nothing, where they count as untouched.
+    on_rail
+        Whether the file's strips (strips,) read ground or Vref, rather than nothing, where they count as untouched.
     time_s
         When the rows were (places,) [s].
     """
@@ -48,7 +48,7 @@ class WorkingCopy:
     there: BoolArray
     sigma: float
     order: IntArray
-    at_ground: BoolArray
+    on_rail: BoolArray
     time_s: FloatArray
     _residuals: dict[str, tuple[FloatArray, FloatArray]] = field(default_factory=dict, init=False)
     bends: dict[str, object] = field(
@@ -119,12 +119,12 @@ class Suspect:
 
 def working_copy(log: Log, sigma: float) -> WorkingCopy:
     """Return a working copy of a recording, a row for each scan."""
-    rest = log.sensor.rest_volt
-    grounded = rest is not None and rest <= _GROUND * log.sensor.vref_volt
+    rest = None if log.sensor.rest_volt is None else log.sensor.rest_volt / log.sensor.vref_volt
+    rail = rest is not None and min(rest, 1.0 - rest) <= _RAIL
     there = np.isfinite(np.stack(list(log.raw.values()))).all(axis=(0, 1))
     across = np.arange(log.sensor.strips)
-    at_ground = np.asarray(there & grounded)
-    return WorkingCopy(log.sensor, dict(log.k), log.touched.copy(), sigma, across, at_ground, log.time_s)
+    on_rail = np.asarray(there & rail)
+    return WorkingCopy(log.sensor, dict(log.k), log.touched.copy(), sigma, across, on_rail, log.time_s)
 
 
 def places(work: WorkingCopy, most: int = 1 << 30) -> WorkingCopy:
