@@ -238,3 +238,18 @@ def test_other_words_in_a_reading_are_still_asked() -> None:
     pad = ts.Sensor(construction="crs-m", strips=4, pitch_mm=6.0, length_mm=80.0, vref_volt=3.3)
     rows = [f"{50 * n},{s},{'sat' if s == 1 else 1400 + 60 * n + s}" for n in range(6) for s in range(1, 5)]
     assert "untouched" in asked("time [ms],strip,v [mV]\n" + "\n".join(rows) + "\n", pad)
+
+
+@pytest.mark.parametrize("form", ["## Press {n}: {what}", "# {what}", "== {what} =="])
+def test_a_heading_above_each_scan_tells_no_change(form: str) -> None:
+    highs = [[1.83, 1.63], [1.94, 2.24], [3.11, 2.80], [3.22, 3.01]]
+    blocks = [
+        form.format(n=n, what=what)
+        + "\n\n| strip | upper end (V) | lower end (V) |\n|---|---|---|\n"
+        + "".join(
+            f"| {s} | {h:.2f} | {h - 0.5:.2f} |\n" if s in (2, 3) else f"| {s} | - | - |\n"
+            for s, h in zip(range(1, 5), [0.0, *high, 0.0], strict=True)
+        )
+        for n, (what, high) in enumerate(zip(["coin", "pen cap", "thumb", "eraser"], highs, strict=True), 1)
+    ]
+    assert values("\n".join(blocks), rate_hz="50").shape == (4, 4, 2)

@@ -249,7 +249,8 @@ def _ask_for_jump(clues: Clues, rough: list[LogScan], notes: Sequence[tuple[int,
     """Ask for the part where all readings jump alike at a note, and say whether they do."""
     steps = _steps(rough)
     at = [next((k for k, scan in enumerate(rough) if scan.line > n), len(rough)) for n, _ in notes]
-    noted = {*at} if len(at) <= _FEW else set()  # where each scan has one, these are steps as others
+    each = len(at) > _FEW or len({*at}) >= len(rough) - 1  # scan has one: then these are steps as others
+    noted = set() if each else {*at}
     sizes = {k: abs(step) for k, (step, _) in steps.items()}
     for (line, text), k in zip(notes, at, strict=True):
         step, alike = steps.get(k, (0.0, False))
