@@ -77,7 +77,7 @@ def sensors(many: int, seed: int, noise: float) -> np.ndarray:
 @pytest.mark.parametrize("seed", range(12))
 def test_sensors_in_turn_are_seen_though_both_contacts_move(seed: int) -> None:
     v = sensors(2, seed, 0.01)
-    assert turns(v, 0.05 * np.arange(len(v))) == 2
+    assert turns(v, np.linspace(0.0, 1.0, len(v))) == 2
 
 
 @pytest.mark.parametrize("seed", range(40))
@@ -85,8 +85,8 @@ def test_one_contact_that_moves_is_no_two_sensors(seed: int) -> None:
     rng = np.random.default_rng(seed)
     steps = rng.normal(0.0, 0.1, (30, 1, 1))
     v = 2.0 + np.cumsum(np.cumsum(0.1 * steps, axis=0), axis=0) + rng.normal(0.0, 0.05, (30, 2, 2))
-    assert turns(v, 0.05 * np.arange(30)) == 0
-    assert turns(2.0 + np.cumsum(steps, axis=0) + np.zeros((30, 2, 2)), 0.05 * np.arange(30)) == 0
+    assert turns(v, np.linspace(0.0, 1.0, 30)) == 0
+    assert turns(2.0 + np.cumsum(steps, axis=0) + np.zeros((30, 2, 2)), np.linspace(0.0, 1.0, 30)) == 0
 
 
 CODES = "t,strip,upper (mV),lower (mV)\n" + "".join(
