@@ -9,6 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from tacstrip.io.log_import import conversion
+from tacstrip.io.log_import.jumps import jump_of_all
 from tacstrip.io.log_import.names import UNITS, meanings
 from tacstrip.io.log_import.questions import Clues
 from tacstrip.io.log_import.scans import LogScan
@@ -247,15 +249,15 @@ def _ask_for_part(clues: Clues, line: int, text: str, more: str, *parts: str) ->
 
 
 def ask_for_notes(clues: Clues, rough: list[LogScan]) -> None:
-    """Ask which part is meant where all readings jump alike at a note as nowhere else, or one names another supply.
+    """Ask which part is meant where all readings jump alike as nowhere else, or a note names another supply.
 
     Of other comments those that are not understood are a doubt, and how many change nothing is told.
     """
     notes = clues.table.notes
-    if PART in clues.table.names or {PART, "unit"} & {*clues.answers} or not notes:
+    if PART in clues.table.names or {PART, "unit"} & {*clues.answers}:
         return
     vref = clues.sensor.vref_volt if clues.sensor else 0.0
-    if _ask_for_jump(clues, rough, notes):
+    if (notes and _ask_for_jump(clues, rough, notes)) or _ask_for_silent_jump(clues, rough, vref):
         return
     for line, text in notes:
         volts = stated_vref(text) if vref else None
@@ -278,7 +280,8 @@ def _ask_for_jump(clues: Clues, rough: list[LogScan], notes: Sequence[tuple[int,
     """Ask for the part where all readings jump alike at a note, and say whether they do."""
     steps = _steps(rough)
     at = [next((k for k, scan in enumerate(rough) if scan.line > n), len(rough)) for n, _ in notes]
-    noted = {*at} if len(at) <= _FEW else set()  # where each scan has one, these are steps as others
+    each = len(at) > _FEW or len({*at}) >= len(rough) - 1  # scan has one: then these are steps as others
+    noted = set() if each else {*at}
     sizes = {k: abs(step) for k, (step, _) in steps.items()}
     for (line, text), k in zip(notes, at, strict=True):
         step, alike = steps.get(k, (0.0, False))
@@ -288,6 +291,22 @@ def _ask_for_jump(clues: Clues, rough: list[LogScan], notes: Sequence[tuple[int,
             _ask_for_part(clues, line, text, more)
             return True
     return False
+
+
+def _ask_for_silent_jump(clues: Clues, rough: list[LogScan], vref: float) -> bool:
+    """Ask for the part where all readings jump by one factor, whatever is said there, and say whether they do."""
+    if conversion.changes_below(clues.table):  # of which another asks
+        return False
+    line, times = jump_of_all(rough, vref)
+    if line:
+        clues.ask(
+            PART,
+            f"from line {line} on all readings are {times:.3g} times those before, at once, and nothing says why: did "
+            "the unit or the supply change? Which are meant? Those of one part (below: from that line on), or of all "
+            "if they mean the same throughout (skip)",
+            f"above line {line}", f"below line {line}", "skip",
+        )  # fmt: skip
+    return bool(line)
 
 
 def _steps(rough: list[LogScan]) -> dict[int, tuple[float, bool]]:

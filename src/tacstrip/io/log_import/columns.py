@@ -187,6 +187,11 @@ def _find(clues: Clues, known: dict[str, Meaning]) -> Columns:
             for n in clues.table.names
             if n not in {*readings, time, scan, which} and may_label_strips(clues, n)
         ]
+        within = {
+            n.rpartition(".")[0] for n in readings
+        }  # of records: what stands beside readings goes first
+        some = [n for n in some if known[n].role != "time"] or some
+        some.sort(key=lambda n: n.rpartition(".")[0] not in within)
         text = "no column says which strip a line is of"
         if not some:
             raise ReadingError(f"{text}; add one with its number")

@@ -73,6 +73,7 @@ class Clues:
         self.doubts += self.table.doubts
         if (base := _BASES.get(self.answers.get("strips", ""))) is not None:
             self.answers = {k: v for k, v in self.answers.items() if k != "strips"} | {"strip_base": base}
+        self.answers = {self._full_name(key): answer for key, answer in self.answers.items()}
         self.table = self.table.part_at_note(self.answers.get(PART, ""))
         for key, answer in list(self.answers.items()):
             named = key in self.table.names
@@ -98,6 +99,13 @@ class Clues:
         self.table = self.table.where(self.only)
         for condition in self.only:
             self.because(f"only lines with {condition}")
+
+    def _full_name(self, key: str) -> str:
+        """Return the name of the one column whose last part is such a key, as "strips.n" of "n"; else the key."""
+        if key in (*KEYS, PART, *self.table.names):
+            return key
+        found = [n for n in self.table.names if n.rpartition(".")[2] == key]
+        return found[0] if len(found) == 1 else key
 
     def _names_lines(self, name: str, answer: str) -> bool:
         """Return whether an answer is what stands in a column on the lines that are meant, as in "pad=left"."""

@@ -27,6 +27,8 @@ _AS_LONG, _LATE_S = (
 )  # so far, and s, two clocks may differ, of which one is read when a line has come
 _ON_PITCH = 0.02  # of the pitch
 
+_NUMBER = re.compile(r"n|nr|no|num|number|id|idx|index|i|k|nummer|numero|numer", re.IGNORECASE)
+
 
 def channel_column(clues: Clues, known: dict[str, Meaning]) -> str:
     """Return the column that says of which channel a line is."""
@@ -134,6 +136,9 @@ def strip_column(clues: Clues, known: dict[str, Meaning], which: str, wide: list
         return there[0], 0.0
     if wide:
         return "", 0.0
+    if inner := _number_within_strips(clues, known):
+        clues.because(f"{inner}: the number of a strip, beside its readings")
+        return inner, 0.0
     for name, m in known.items():
         if m.role == "position" and (step := _pitches(clues, name, m.unit)):
             return name, step
@@ -155,6 +160,20 @@ def strip_column(clues: Clues, known: dict[str, Meaning], which: str, wide: list
             clues.because(f"{name}: {strips} whole numbers that come again and again, as many as strips")
             return name, 0.0
     return "", 0.0
+
+
+def _number_within_strips(clues: Clues, known: dict[str, Meaning]) -> str:
+    """Return the column such as "strips.n", a whole number in the same records as all readings; "" where none is."""
+    parents = {n.rpartition(".")[0] for n, m in known.items() if m.role == "reading"}
+    parent = parents.pop() if len(parents) == 1 else ""
+    if meaning(parent.rpartition(".")[2]).role != "strip":
+        return ""
+    found = [
+        n for n in clues.table.names
+        if n.rpartition(".")[0] == parent and _NUMBER.fullmatch(n.rpartition(".")[2])
+        and all(v is not None and v == int(v) for v in clues.values(n))
+    ]  # fmt: skip
+    return found[0] if len(found) == 1 else ""
 
 
 def _pitches(clues: Clues, name: str, unit: str) -> float:

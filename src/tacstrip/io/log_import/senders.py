@@ -41,7 +41,7 @@ def ask_for_sensor(clues: Clues, known: dict[str, Meaning]) -> None:
     for name in table.names:
         fields = table.column(name)
         values = sorted({f for f, there in zip(fields, holds, strict=True) if there or not read})
-        worded = not any(number_of(v) is not None for v in values)
+        worded = not any(number_of(v, table.decimal) is not None for v in values)
         if (
             known[name].role in ("time", "strip", "position", "skip") or (known[name].role == "scan" and not worded)
             or name in (*clues.answers, ROW, CLOCK, PART)

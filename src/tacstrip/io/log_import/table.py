@@ -127,10 +127,19 @@ class Table:
         return replace(self, names=(*self.names, PART), rows=rows, changes=changes)
 
     def part_at_note(self, part: str) -> Table:
-        """Return it in parts at the note whose line `part` names, at all where it names none; as it is without one."""
+        """Return it in parts at the note whose line `part` names, at all where it names none; without one, at a row."""
+        if not part or PART in self.names:
+            return self
         line = re.fullmatch(r"(?:above|below) line (\d+)", part)
         notes = tuple(n for n in self.notes if not line or n[0] == int(line[1]))
-        return self.in_parts(notes) if notes and part and PART not in self.names else self
+        if notes:
+            return self.in_parts(notes)
+        first = int(line[1]) if line else 0  # of the rows below a jump
+        if not (first in self.lines or part == "skip"):
+            return self
+        above, below = f"above line {first}", f"below line {first}"
+        rows = [[*row, above if i < first else below] for i, row in zip(self.lines, self.rows, strict=True)]
+        return replace(self, names=(*self.names, PART), rows=rows)
 
     def where(self, conditions: Sequence[str]) -> Table:
         """Return only the rows in which columns are as such conditions as "pad=left" say; `ReadingError`: none is."""

@@ -17,6 +17,7 @@ from tacstrip.io.log_import.channel_names import (
     with_channel_names,
 )
 from tacstrip.io.log_import.conversion import resolutions
+from tacstrip.io.log_import.counted import without_totals
 from tacstrip.io.log_import.cut import with_cut_lines_doubted, without_cut_end
 from tacstrip.io.log_import.delimiters import of_sent, of_slashes, without_ends, without_prefix, without_tag
 from tacstrip.io.log_import.dialects import of_dialect
@@ -128,7 +129,7 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
         _COLOUR.sub("", plain_rows(of_displayed_scans(without(text, strays)).translate(_HALF_WIDTH)))
     )
     told = []
-    for rewritten in (without_mail, without_other_series, without_other_tags, with_registers):
+    for rewritten in (without_totals, without_mail, without_other_series, without_other_tags, with_registers):
         text, said = rewritten(text)
         told.append(said)
     bounded = "what stands behind \u00b1: no readings, passed over" if bounds > 1 else ""

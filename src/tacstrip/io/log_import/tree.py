@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from tacstrip.io.log_import.fields import number_of, says_nothing
-from tacstrip.io.log_import.names import READING_UNITS, UNITS, meaning
+from tacstrip.io.log_import.names import READING_UNITS, UNITS, meaning, pair_of
 from tacstrip.io.log_import.table import Table, said_above, text_of
 
 Path = tuple[str | int, ...]
@@ -60,6 +60,7 @@ def of_tree(documents: Sequence[tuple[int, Any]], said: Sequence[str], told: str
         What they are, for the table's remarks.
     """
     leaves = [(n, path, value) for n, (_, doc) in enumerate(documents) for path, value in _leaves((), doc)]
+    leaves, pair = _with_ends(leaves)
     named = any(_channel_key(path) is not None for _, path, _ in leaves)
     found = [(n, path, r) for n, path, v in leaves if (r := _reading(path, v, named)) is not None]
     if not named and any(isinstance(path[-1], int) and path[-1] > 1 for _, path, _ in leaves if path):
@@ -93,7 +94,10 @@ def of_tree(documents: Sequence[tuple[int, Any]], said: Sequence[str], told: str
     order = sorted(
         {(n, p[:-1]) for n, p in labels} | void, key=lambda key: (key[0], _first_place(leaves, key))
     )
-    names = _names(found, leaves)
+    names = {
+        end: name.replace(f"v_{end}", pair.get(end, f"v_{end}"))
+        for end, name in _names(found, leaves).items()
+    }
     numbers = _strip_numbers(labels, own, form)
     if numbers is None:
         return None
@@ -147,6 +151,30 @@ def of_tree(documents: Sequence[tuple[int, Any]], said: Sequence[str], told: str
         (*outer, "strip", names["h"], names["l"]), rows, lines, ".", True, tuple(filter(None, remarks)),
         preamble=(*said, *above), empty=frozenset(empty),
     )  # fmt: skip
+
+
+def _with_ends(
+    leaves: list[tuple[int, Path, Any]],
+) -> tuple[list[tuple[int, Path, Any]], dict[str, str]]:
+    """Return leaves with h and l for two words that name a strip's ends, as "top" and "bottom"; and these words.
+
+    Which of both is which the readings tell, so a column keeps its word.
+    """
+    keys = {k for _, path, _ in leaves for k in path[-2:] if isinstance(k, str) and not _WHOLE.fullmatch(k)}
+    said = {k: m for k in keys if (m := meaning(k)).role == "reading" and m.channel}
+    ends = pair_of({m.channel for m in said.values()})
+    if ends is None or any(e.isdecimal() for e in ends):
+        return leaves, {}
+    made = {
+        k: "hl"[ends.index(m.channel)]
+        + ("" if m.strip is None else str(m.strip))
+        + (f"_{m.unit}" if m.unit else "")
+        for k, m in said.items()
+    }
+    renamed = [
+        (n, tuple(made.get(k, k) if isinstance(k, str) else k for k in path), v) for n, path, v in leaves
+    ]
+    return renamed, dict(zip("hl", ends, strict=True))
 
 
 def _void(

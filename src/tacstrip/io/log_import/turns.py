@@ -20,6 +20,9 @@ _TOUCHED = 0.5  # of a sensor's scans
 _EVEN = 0.3  # relative: steps of one place in the turn
 # Scans that tell a swing from turns, waves that are tried per scan, and by how much one must fit better.
 _LONG, _ENOUGH, _WAVES, _BETTER = 12, 200, 8, 0.5
+# Of the distance from the middle of the scans next to one: so near is it to that of its own turn, and how often.
+_SMOOTHER, _MOSTLY = 0.3, 0.75
+_AS_FAR = 0.02  # of the largest reading: nearer to the middle, readings are as smooth as their last digit
 _AS_WELL = 1.2  # times as large an error: a swing explains four places of a turn by three numbers
 
 
@@ -73,10 +76,37 @@ def turns(values: FloatArray, times: FloatArray) -> int:
             nearer = bool(np.median(within) < _NEARER_IN_TURNS * np.median(across))
         else:
             nearer = bool(np.quantile(within, 0.8) < _NEARER * np.quantile(across, 0.2))
-            nearer = nearer and not _swings(values, many)
+            nearer = (nearer or _smoother(values, many)) and not _swings(values, many)
         if nearer:
             return many
     return 0
+
+
+def _smoother(values: FloatArray, many: int) -> bool:
+    """Return whether readings lie between those of their own turn, and not between those of the scans next to them.
+
+    So are those of several contacts that move, and may meet on the way; noise is as far from both.
+    """
+    own, next_ = _off_middle(values, many), _off_middle(values, 1)
+    next_ = next_[many - 1 : len(next_) - many + 1]
+    both = np.isfinite(own) & np.isfinite(next_)
+    if both.sum() < _ROUNDS * many:
+        return False
+    own, next_ = own[both], next_[both]
+    usual = float(np.median(next_))
+    return bool(
+        usual > _AS_FAR * np.nanmax(np.abs(values), initial=0.0)
+        and np.median(own) < _SMOOTHER * usual
+        and (own < next_).mean() > _MOSTLY
+    )
+
+
+def _off_middle(values: FloatArray, lag: int) -> FloatArray:
+    """Return how far each scan is from the middle of those `lag` before and after it, in the mean, (scans - 2 lag,)."""
+    off = np.abs(values[lag:-lag] - 0.5 * (values[2 * lag :] + values[: -2 * lag]))
+    there = np.isfinite(off)
+    many = there.sum(axis=(1, 2))
+    return np.where(many > 0, np.where(there, off, 0.0).sum(axis=(1, 2)) / np.maximum(many, 1), np.nan)
 
 
 def _swings(values: FloatArray, many: int) -> bool:

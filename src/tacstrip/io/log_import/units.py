@@ -37,6 +37,17 @@ _FEW_CODES = 6  # distinct readings that lie on a converter's steps: no chance
 _CODES_SAID = re.compile(r"\b(?:adc|raw|codes?|counts?|lsbs?|digits?)\b", re.IGNORECASE)
 _PERCENT = (20.0, 100.0)  # between which the largest reading of a sensor in percent lies as a rule
 _ANALOG_READ = re.compile(r"\banalogRead\b")  # of Arduino: it returns the converter's codes
+# What says that readings are codes as they come, and what, that these became something else.
+_ARE_CODES = re.compile(
+    r"\banalogRead\b|\b(?:raw|direct|plain|unscaled|unconverted)\b[^.;]{0,20}?\b(?:adc|codes?|counts?|readings?|values?)\b"
+    r"|\badc[ _-](?:codes?|counts?|values?|readings?)\b|\b(?:adc|wandler)-?(?:rohwerte?|werte?|codes?)\b|\brohwerte?\b"
+    r"|\b(?:valeurs?|valores?|valori)\s+(?:brut\w*|crud\w*|grezz\w*|en bruto|brutos?)\b",
+    re.IGNORECASE,
+)
+_CONVERTED = re.compile(
+    r"convert|calib|scaled|umgerechnet|kalibr|conversion|\*|\bm?V\b|milli|volt|->|\bto\b|\binto\b|\bnot\b",
+    re.IGNORECASE,
+)
 _BITS_TOLD = re.compile(r"\b(\d{1,2})[\s_-]?bits?\b", re.IGNORECASE)
 _UNIT_TOLD = re.compile(
     r"\b(?:units?|readings?|values?|voltages?|signals?|channels?|data|in|all|normali[sz]ed|ratiometric)\b[^\n,;]{0,16}?"
@@ -105,6 +116,14 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
         named = {"code"}
     if not named and "coding" in clues.answers:
         named = {"code"}
+    contrary = len(named) == 1 and named <= {*IN_VOLTS} and _may_be_codes(values, bits) and not answer
+    if contrary and (said := _line_of_codes(clues)):
+        clues.ask(
+            "unit",
+            f"the columns are named as of {min(named)}, and the log says {said!r}, which are codes: in which unit are "
+            "the readings?",
+            min(named), "code",
+        )  # fmt: skip
     unit = answer or (
         named.pop() if len(named) == 1 else _unit_by_size(clues, values, vref / scale, bits, volts)
     )
@@ -368,6 +387,22 @@ def _codes_said(clues: Clues, vref: float) -> bool:
 
 def _above(clues: Clues) -> str:
     return "\n".join((*clues.table.preamble, *clues.table.names))
+
+
+def _line_of_codes(clues: Clues) -> str:
+    """Return the line above the readings that says them to be a converter's codes, and of no conversion; else ""."""
+    return next(
+        (
+            " ".join(line.split()).lstrip("#%/! ")
+            for line in clues.table.preamble
+            if _ARE_CODES.search(line) and not _CONVERTED.search(line)
+        ),
+        "",
+    )
+
+
+def _may_be_codes(values: FloatArray, bits: int) -> bool:
+    return bool((values == np.round(values)).all() and values.max() <= 2.0 ** (bits or BITS[-1]) - 1.0)
 
 
 def _raw_said(clues: Clues) -> str:
