@@ -147,8 +147,7 @@ def test_the_short_answers_run_one_after_the_other(tmp_path: Path, monkeypatch: 
         assert Path(picture).stat().st_size > least
     one, two = (json.loads(Path(f"{name}.geojson").read_text())["features"] for name in ("one", "layers"))
     assert len(one) == 1  # what the page warns of
-    # without the core several counts that fit are a doubt by themselves
-    assert one[0]["properties"]["status"] == ("ok" if SURE == "ok" else "doubtful")
+    assert one[0]["properties"]["status"] == "doubtful"
     assert len(two) == 2  # what a second layer tells
 
 
