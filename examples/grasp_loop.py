@@ -32,16 +32,22 @@ async def grasp(stream: ts.Live, gripper: Gripper) -> str:
     """Close the gripper until one object is held well; return how that ended."""
     start = None
     async for frame in stream:  # always the newest scan, however long a command takes
-        shapes = [one.shape for one in frame.objects if one.shape.status in ("ok", "likely")]
-        if len(shapes) != 1:
+        if len(frame.objects) != 1:
             continue
-        (shape,) = shapes
-        start = shape.centroid if start is None else start
-        if math.dist(start, shape.centroid) > SLIP_MM:
-            await gripper.set_force(0.0)
-            return "it slipped: let go"
-        if shape.area >= ENOUGH_MM2:
-            return f"held with {gripper.force_n:g} N on {shape.area:.0f} mm2, {frame.raw.time_s:.2f} s after the start"
+        shape = frame.objects[0].shape
+        if shape.status in (
+            "ok",
+            "likely",
+        ):  # a doubtful shape decides nothing; with more force it may be sure
+            start = shape.centroid if start is None else start
+            if math.dist(start, shape.centroid) > SLIP_MM:
+                await gripper.set_force(0.0)
+                return "it slipped: let go"
+            if shape.area >= ENOUGH_MM2:
+                time_s = frame.raw.time_s
+                return (
+                    f"held with {gripper.force_n:g} N on {shape.area:.0f} mm2, {time_s:.2f} s after the start"
+                )
         if gripper.force_n >= MOST_N:
             return f"{MOST_N:g} N are not enough"
         await gripper.set_force(gripper.force_n + STEP_N)
