@@ -9,10 +9,12 @@ from collections.abc import Sequence
 from typing import Literal
 
 from tacstrip.io.log_import.fields import STAMP
-from tacstrip.io.log_import.hexframes import Frame, frames_of
+from tacstrip.io.log_import.hexframes import WORD, Frame, frames_of
 from tacstrip.io.log_import.hexlayout import (
+    SOUND,
     STRIPS,
     TELL,
+    XOR,
     Part,
     is_channel,
     layout_of,
@@ -42,11 +44,8 @@ _SIGN = re.compile(
     r"(?<![\w])(?:0x)?((?:[\dA-Fa-f]{2}\s?){2,4})(?=\s*(?:=|:|->|means|is|stands|if|where|when|bedeutet)\s)",
     re.IGNORECASE,
 )
-_XOR = re.compile(r"\bxor\b", re.IGNORECASE)
 _FEW = 3  # frames
-_WORD, _READING = 2, 2  # bytes
 _MOST_BELOW = 0.2  # of the pairs: no sensor reads so
-_SOUND = 0.8  # of the checksums
 
 
 def of_hex_bytes(text: str) -> Table | None:
@@ -137,7 +136,7 @@ def _senders(frames: Sequence[Frame], parts: Sequence[Part]) -> set[str]:
 
 def _sound(frames: list[Frame], parts: Sequence[Part], sync: bytes) -> tuple[list[Frame], list[int]]:
     """Return the frames whose XOR at the end is right, if it is so in nearly all, and the lines of others."""
-    check = [p for p in parts if p.role == "check" and _XOR.search(p.said) and p.width == 1]
+    check = [p for p in parts if p.role == "check" and XOR.search(p.said) and p.width == 1]
     for p in check:
         for skipped in (len(sync), 0):
             right = []
@@ -146,7 +145,7 @@ def _sound(frames: list[Frame], parts: Sequence[Part], sync: bytes) -> tuple[lis
                 for byte in f.data[skipped : p.start]:
                     value ^= byte
                 right.append(value == f.data[p.start])
-            if sum(right) >= _SOUND * len(right):
+            if sum(right) >= SOUND * len(right):
                 kept = [f for f, ok in zip(frames, right, strict=True) if ok]
                 return kept, [f.line for f, ok in zip(frames, right, strict=True) if not ok]
         raise ContradictionError(f"the XOR that the frames end with is not that of their bytes: {TELL}")
@@ -159,7 +158,7 @@ def _table(
 ) -> Table:  # fmt: skip
     ends = list(dict.fromkeys(p.role for p in parts if is_channel(p.role)))
     voids = {bytes.fromhex(re.sub(r"\s", "", m[1])) for m in _SIGN.finditer(said)}
-    voids = {v[n : n + _WORD] for v in voids for n in range(0, len(v), _WORD)}
+    voids = {v[n : n + WORD] for v in voids for n in range(0, len(v), WORD)}
     voids |= {v[::-1] for v in voids}
     signed = bool(re.search(r"\bsigned\b|(?<!u)\bint16", said, re.IGNORECASE)) and "unsigned" not in said
     senders = _strips_of_senders(frames, said) if any(f.sender for f in frames) else {}
@@ -213,7 +212,7 @@ def _table(
     other = sorted({f.sender for f in frames} - {*senders}) if senders else []
     return Table(
         (*names, "scan", "strip", *(f"{e}{unit}" for e in ends)), rows, lines, ".", True,
-        (f"frames of bytes in hex: {_READING} bytes a reading, {order} endian, as the log says",
+        (f"frames of bytes in hex: {WORD} bytes a reading, {order} endian, as the log says",
          *([f"frames of {', '.join(other)}: of others, passed over"] if other else [])),
         tuple(damaged), tuple(around), quotes={n: told[n].strip() for n in damaged},
     )  # fmt: skip

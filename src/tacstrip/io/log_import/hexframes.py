@@ -23,7 +23,7 @@ _CAN = re.compile(
 )
 _FEW = 3  # frames
 _MOST = 0.6  # of the lines
-_WORD, _READING = 2, 2  # bytes
+WORD = 2  # bytes of a number
 
 
 @dataclass(frozen=True)
@@ -84,4 +84,4 @@ def _of_lines(lines: Sequence[tuple[int, str]]) -> list[Frame]:
             digits = re.sub(r"0[xX]|[^\dA-Fa-f]", "", m.group())
             frames.append(Frame(n, bytes.fromhex(digits), "", line[: m.start()]))
     usual, many = Counter(len(f.data) for f in frames).most_common(1)[0] if frames else (0, 0)
-    return frames if usual >= 2 * _WORD and many >= _MOST * len(frames) else []
+    return frames if usual >= 2 * WORD and many >= _MOST * len(frames) else []

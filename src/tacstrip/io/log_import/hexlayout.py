@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from tacstrip.io.log_import.hexframes import Frame
+from tacstrip.io.log_import.hexframes import WORD, Frame
 from tacstrip.io.log_import.names import meaning
 from tacstrip.io.log_import.statements import in_blocks_said, order_said
 from tacstrip.io.log_import.table import ContradictionError
@@ -32,10 +32,10 @@ _NOT_STRIP = re.compile(
     r"count|seq|check|xor|crc|sum|sync|head|magic|status|flag|reserved|unused|pad\w*\b(?=\s*byte)|length",
     re.IGNORECASE,
 )
-_XOR = re.compile(r"\bxor\b", re.IGNORECASE)
+XOR = re.compile(r"\bxor\b", re.IGNORECASE)
 _SUM = re.compile(r"\b(?:crc|checksum|pr(?:\u00fc|ue)fsumme)\b", re.IGNORECASE)
-_WORD, _READING = 2, 2  # bytes
-_SOUND = 0.8  # of the checksums
+CHANNELS = 2  # of a strip
+SOUND = 0.8  # of the checksums
 TELL = (
     "say above the frames, behind #, how bytes make readings, such as '# bytes 0-1: time in ms, bytes 2-3: V_H of "
     "strip 0 in mV, bytes 4-5: V_L of strip 0 in mV, ...; big endian; FFFF = not touched', or '# 2 bytes big "
@@ -63,7 +63,7 @@ def _bytes_of(width: re.Match[str]) -> int:
 
 def says_two_bytes(said: str) -> bool:
     """Return whether a description says of something that it has two bytes."""
-    return any(_bytes_of(m) == _WORD for m in _WIDTH.finditer(said)) or any(
+    return any(_bytes_of(m) == WORD for m in _WIDTH.finditer(said)) or any(
         m[2] and int(m[2]) - int(m[1]) == 1 for m in _PLACE.finditer(said)
     )
 
@@ -79,7 +79,7 @@ def layout_of(said: str, frames: Sequence[Frame], dump: bool) -> tuple[list[Part
         begin = bytes.fromhex(m[1] + m[2])
         first = [f.data.startswith(begin) for f in frames]
         sync = (
-            begin if (dump and frames[0].data.startswith(begin)) or sum(first) >= _SOUND * len(first) else b""
+            begin if (dump and frames[0].data.startswith(begin)) or sum(first) >= SOUND * len(first) else b""
         )
     length = Counter(len(f.data) for f in frames).most_common(1)[0][0]
     places = [*_PLACE.finditer(said)]
@@ -91,9 +91,9 @@ def layout_of(said: str, frames: Sequence[Frame], dump: bool) -> tuple[list[Part
     taken = [(p.start, p.start + p.width) for p in made]
     if (
         not readings
-        or len(ends) > _READING
+        or len(ends) > CHANNELS
         or len(readings) % len(ends)
-        or any(p.width != _WORD for p in readings)
+        or any(p.width != WORD for p in readings)
         or any(b[0] < a[1] for a, b in itertools.pairwise(sorted(taken)))
         or (not dump and max(b for _, b in taken) > length)
         or (not dump and not places and max(b for _, b in taken) != length)
@@ -111,7 +111,7 @@ def is_channel(role: str) -> bool:
 
 def _role(text: str) -> str:
     """Return what a part of a frame is, by the words that describe it."""
-    if _XOR.search(text) or _SUM.search(text):
+    if XOR.search(text) or _SUM.search(text):
         return "check"
     words = re.findall(r"[^\W\d]+(?:_[^\W\d]+)*", text)
     found = [meaning(w) for w in words]
@@ -199,11 +199,11 @@ def _all_alike(said: str, sync: bytes, length: int) -> list[Part]:
     """Return readings of two bytes each that fill a frame, behind what each begins with, if their order is said."""
     order = order_said(said.splitlines()) or _bare_order(said)
     widths = {_bytes_of(m) for m in _WIDTH.finditer(said)} - {1, 4}
-    if not order or widths != {_WORD} or (length - len(sync)) % (_READING * _WORD):
+    if not order or widths != {WORD} or (length - len(sync)) % (CHANNELS * WORD):
         return []
     if re.search(r"\b(?:time|zeit|counter|xor|crc|checksum)\b", said, re.IGNORECASE):
         return []  # of which nothing says where they stand
-    strips = (length - len(sync)) // (_READING * _WORD)
+    strips = (length - len(sync)) // (CHANNELS * WORD)
     told = STRIPS.search(said)
     first = int(told[1]) if told else 0
     if told and int(told[2]) - first + 1 != strips:
@@ -215,7 +215,7 @@ def _all_alike(said: str, sync: bytes, length: int) -> list[Part]:
     if every:
         pairs = [(s, end) for end in order for s in range(strips)]
     return [
-        Part(len(sync) + _WORD * n, _WORD, end, first + s if told else s, "")
+        Part(len(sync) + WORD * n, WORD, end, first + s if told else s, "")
         for n, (s, end) in enumerate(pairs)
     ]
 

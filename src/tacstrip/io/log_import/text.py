@@ -63,9 +63,6 @@ from tacstrip.io.log_import.untouched import with_rows_of_nothing
 from tacstrip.io.log_import.yaml_text import yaml_documents
 
 _COMMENT = ("#", "%", "//", "!")
-_LEVELS = (
-    r"[\[(]?(?:TRACE|DEBUG|DBG|VERBOSE|INFO|INF|NOTICE|LOG|WARN|WARNING|WRN|ERROR|ERR|FATAL|CRITICAL)[\])]?"
-)
 _VALUE = r"[+-]?(?:\d+\.?\d*|\.\d+)|nan|NaN|NA|OL|-{1,3}|\."
 _PAIRED = re.compile(
     rf"(?<![\w./:(-])\(?({_VALUE})\s?(?:/|,\s?(?=[^()]{{0,999}}\))|:)\s?({_VALUE})\)?(?![\w./:-])"
