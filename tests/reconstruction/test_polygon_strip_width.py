@@ -219,3 +219,20 @@ def test_few_strips_and_garbage() -> None:
             if o.found:
                 assert o.vertices[:, 1].min() >= 0.0
                 assert o.vertices[:, 1].max() <= sensor.length_mm
+
+
+def test_a_wide_strip_that_is_covered_by_a_sliver_is_no_faulty_channel() -> None:
+    sensor = ts.Sensor(
+        construction="crs-crs",
+        strips=10,
+        pitch_mm=6.5,
+        length_mm=325.0,
+        strip_width_mm=6.0,
+        contact_lambda_mm=0.0,
+    )
+    contact = ts.Contact.polygon([(12, 100), (50, 110), (45, 190), (18, 170)])
+    noise = ts.Noise(positional=0.003)
+    for seed in range(6):
+        (found,) = ts.reconstruct(ts.simulate(sensor, contact, noise, rng=seed), sensor, noise).objects
+        overlap = ts.mismatch(contact.vertices, found.vertices).iou
+        assert overlap >= 0.8 or found.status != "ok"
