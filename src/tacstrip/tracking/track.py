@@ -46,8 +46,9 @@ from tacstrip.tracking.rigid.search import (
     search,
     with_all_poses,
 )
+from tacstrip.tracking.shared_strips.follow import follow
+from tacstrip.tracking.shared_strips.known import Alone, Shared
 from tacstrip.tracking.shared_strips.lone_ends import lone_ends
-from tacstrip.tracking.shared_strips.scene import Alone, Shared, follow
 from tacstrip.tracking.single_scans import SingleScans
 
 FEWEST = 5  # scans of one stretch that a shape is searched in
