@@ -66,6 +66,18 @@ def test_only_one_reading_off_the_outline_is_surely_a_fault(
     assert not at_a_rail(run, readings).any()
 
 
+@pytest.mark.parametrize(("value", "found"), [(0.0, [4]), (1.0, [4]), (0.95, [])])
+def test_of_few_readings_only_ground_and_vref_are_sure(value: float, found: list[int]) -> None:
+    few = replace(SENSOR, strips=16, pitch_mm=6.25)
+    scan = ts.simulate(few, CONTACT, NOISE, rng=1)
+    k = scan["k"][scan.touched].copy()
+    k[4] = value
+    run = fit_run(few, few.x_mm[scan.touched], {"k": k}, 0.003 / np.sqrt(3.0))
+    assert not run.checked
+    assert np.flatnonzero(run.excluded).tolist() == [4]
+    assert np.flatnonzero(beyond_outline(run, {"k": k})).tolist() == found
+
+
 def test_at_either_end_nothing_is_sure() -> None:
     run, readings = fitted()
     for i in (0, len(readings["k"]) - 1):

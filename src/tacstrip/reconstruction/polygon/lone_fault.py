@@ -24,7 +24,7 @@ def beyond_outline(run: RunFit, readings: Mapping[str, FloatArray]) -> BoolArray
         The fit, of what; signature to (n,).
     """
     found = np.zeros_like(run.excluded)
-    if len(found) > 1 or run.model is None or np.count_nonzero(run.excluded) != 1 or not run.checked:
+    if len(found) > 1 or run.model is None or np.count_nonzero(run.excluded) != 1:
         return found
     problem, in_mm = run.problem, run.model_mm
     (k,) = readings.values()
@@ -33,6 +33,8 @@ def beyond_outline(run: RunFit, readings: Mapping[str, FloatArray]) -> BoolArray
     margin, used = _BEYOND * run.sigma, problem.weight[0] > 0.0
     with np.errstate(invalid="ignore"):
         beyond = (k < l - margin) | (k > u + margin)
+    if not run.checked:  # a corner may be what the few readings left do not tell, but not as far as that
+        beyond &= at_a_rail(run, readings)[0]
     found[0, 1:-1] = (run.excluded[0] & beyond)[1:-1] & used[:-2] & used[2:]
     return found
 
