@@ -168,7 +168,7 @@ def reconstruct_object(
     wrong = misfit(run, distribution, slopes, errors) or (_EMPTY if empty else _MANY if many else "")
     wrong, pair = second_look(run, distribution, outline, sensor, wrong, contact.readings)
     beyond = beyond_outline(run, contact.readings)
-    railed = beyond & at_a_rail(run, contact.readings)
+    railed = beyond & at_a_rail(run, contact.readings) if beyond.any() else beyond
     assessed = assess(
         run,
         sensor,
