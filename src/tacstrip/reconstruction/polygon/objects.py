@@ -26,6 +26,7 @@ from tacstrip.reconstruction.noise_covariance import (
 )
 from tacstrip.reconstruction.polygon.faulty_channel import contradictory
 from tacstrip.reconstruction.polygon.goodness_of_fit import explains, misfit, second_look, weakness
+from tacstrip.reconstruction.polygon.lone_fault import at_a_rail, beyond_outline
 from tacstrip.reconstruction.polygon.run import ModelInMm, RunFit
 from tacstrip.reconstruction.posterior.assessment import (
     ENOUGH,
@@ -166,8 +167,18 @@ def reconstruct_object(
         slopes = _by_slopes(model, run, sensor, covariance)
     wrong = misfit(run, distribution, slopes, errors) or (_EMPTY if empty else _MANY if many else "")
     wrong, pair = second_look(run, distribution, outline, sensor, wrong, contact.readings)
+    beyond = beyond_outline(run, contact.readings)
+    railed = beyond & at_a_rail(run, contact.readings) if beyond.any() else beyond
     assessed = assess(
-        run, sensor, outline, covariance, noise is not None, effort, area_mm2, contact.known_count
+        run,
+        sensor,
+        outline,
+        covariance,
+        noise is not None,
+        effort,
+        area_mm2,
+        contact.known_count,
+        int(np.count_nonzero(beyond)),
     )
     if assessed.better is not None:
         model, guarantee, faint = assessed.better, None, False
@@ -215,7 +226,7 @@ def reconstruct_object(
             wrong, note = _two_objects(pair.probability, right, sure)
     faulty = np.zeros_like(run.excluded)
     if (
-        not wrong and (faulty := contradictory(run, sensor, contact.readings)).any()
+        not wrong and (faulty := contradictory(run, sensor, contact.readings) | railed).any()
     ):  # else it may be the outline
         notes = _notes(scan, sensor, contact, around, noise is not None, faulty)
     of_one = ENOUGH_OF_ONE.get(effort, ENOUGH)

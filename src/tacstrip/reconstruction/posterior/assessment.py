@@ -108,6 +108,7 @@ def assess(
     effort: Effort,
     area_mm2: tuple[float, float] | None = None,
     known_count: int | None = None,
+    faults: int = 0,
 ) -> Assessment:
     """Compare an estimate with outlines drawn from the posterior.
 
@@ -125,6 +126,8 @@ def assess(
         Mean and standard deviation of the contact's area, where that is known.
     known_count
         Its vertices, where that is known.
+    faults
+        Readings left out that are surely of faulty channels.
     """
     if effort == "none":
         return Assessment()
@@ -165,7 +168,7 @@ def assess(
         if rounded is not None:  # long chains: their counts tell more
             corners = float(vertex_counts(drawn.samples.outlines).mean())
         expected = float(drawn.overlap(ends) @ drawn.weight)
-        told_by = doubts(expected, run, better or run.model, corners, ends, drawn.at_border, rounded)
+        told_by = doubts(expected, run, better or run.model, corners, ends, drawn.at_border, rounded, faults)
         confidence = told_by.probability(effort)
         confidence = min(confidence, _SHORT) if short else confidence
     # Chi square of the better half of the draws; that of normal errors exceeds its mean by 3.5 deviations in .02 %.
@@ -211,6 +214,7 @@ def doubts(
     ends: FloatArray,
     at_border: bool = False,
     rounded: RoundedDraws | None = None,
+    faults: int = 0,
 ) -> Doubts:
     """Return what tells whether an outline from one signature is right.
 
@@ -233,6 +237,8 @@ def doubts(
         Whether the contact may go on beyond the first strip or the last one.
     rounded
         Rounded outlines that explain the readings best, where they were drawn.
+    faults
+        Readings left out that are surely of faulty channels, and so of no inward corner.
     """
     odds, ellipse = _log_odds(expected), isinstance(model, Ellipse)
     if few_strips(run):
@@ -246,7 +252,7 @@ def doubts(
         kind, many = _POLYGON, min(corners, _PLAIN + _MANY) - _PLAIN
         there = ends[1] > ends[0]
         height = float(ends[1, there].max() - ends[0, there].min()) if there.any() else 0.0
-        left_out = np.count_nonzero(run.excluded) / run.problem.x.size
+        left_out = (np.count_nonzero(run.excluded) - faults) / run.problem.x.size
         of = [1.0, odds, many, height, left_out]
     if rounded is not None:
         kind += _RIVALS
