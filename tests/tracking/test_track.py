@@ -34,7 +34,7 @@ from tacstrip.tracking.rigid.covariance import (
 )
 from tacstrip.tracking.rigid.offsets import Offsets, channel_offsets, not_ruled_out, with_offsets
 from tacstrip.tracking.rigid.rivals import beside_rivals, poses_beside_rivals
-from tacstrip.tracking.rigid.search import Found, freer_spline, likelier
+from tacstrip.tracking.rigid.search import Found, _compared, freer_spline, likelier
 from tacstrip.tracking.rigid.smooth_path import fit_corners, spline_basis
 from tacstrip.tracking.track import _less_than_half_turns
 
@@ -341,6 +341,20 @@ def test_offsets_of_channels_are_found_along_with_the_shape() -> None:
     often = np.isfinite(np.stack([s["kh"] for s in scans])).mean(axis=0) > 0.8
     for name, true in zip(("kh", "kl"), off, strict=True):
         assert np.std(one.offsets[name][often] - true[often]) < 0.5 * np.std(true[often])
+
+
+def test_corners_on_many_strips_are_counted_once_offsets_are_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    of, counted = scene("offsets, 100", 520, 2), list[float]()
+
+    def counting(scans: RigidScans, fits: list[Fit], *rest: str) -> Found:
+        counted.append(min(f.cost for f in fits) / fits[0].freedom(scans))
+        return _compared(scans, fits, *rest)
+
+    monkeypatch.setattr("tacstrip.tracking.rigid.search._compared", counting)
+    (one,) = ts.track(of.scans, of.unit.sensor, ts.Noise(positional=of.row.level))
+    assert of.outline is not None
+    assert (one.status, len(one.outline), len(counted)) == ("ok", len(of.outline), 1)
+    assert counted[0] < 1.1 < len(one.offsets)  # times the freedom: without what the channels are off
 
 
 def test_regions_with_offsets_allow_for_more_than_their_bound(monkeypatch: pytest.MonkeyPatch) -> None:
