@@ -346,9 +346,9 @@ def test_offsets_of_channels_are_found_along_with_the_shape() -> None:
 def test_corners_on_many_strips_are_counted_once_offsets_are_known(monkeypatch: pytest.MonkeyPatch) -> None:
     of, counted = scene("offsets, 100", 520, 2), list[float]()
 
-    def counting(scans: RigidScans, fits: list[Fit], *rest: str) -> Found:
+    def counting(scans: RigidScans, fits: list[Fit], distribution: str) -> Found:
         counted.append(min(f.cost for f in fits) / fits[0].freedom(scans))
-        return _compared(scans, fits, *rest)
+        return _compared(scans, fits, distribution)
 
     monkeypatch.setattr("tacstrip.tracking.rigid.search._compared", counting)
     (one,) = ts.track(of.scans, of.unit.sensor, ts.Noise(positional=of.row.level))
