@@ -34,8 +34,8 @@ from tacstrip.tracking.rigid.covariance import (
 )
 from tacstrip.tracking.rigid.offsets import Offsets, channel_offsets, not_ruled_out, with_offsets
 from tacstrip.tracking.rigid.rivals import beside_rivals, poses_beside_rivals
-from tacstrip.tracking.rigid.search import Found, likelier
-from tacstrip.tracking.rigid.smooth_path import fit_corners
+from tacstrip.tracking.rigid.search import Found, _compared, freer_spline, likelier
+from tacstrip.tracking.rigid.smooth_path import fit_corners, spline_basis
 from tacstrip.tracking.track import _less_than_half_turns
 
 NOISE = ts.Noise(positional=0.005)
@@ -154,16 +154,19 @@ def test_errors_follow_each_other_only_where_neighbouring_scans_are_alike() -> N
     assert following(replace(scans, k=scans.k + drift), fit.corners, fit.poses) > 1.5
 
 
-def test_a_region_covers_other_best_fits_as_likely() -> None:
+@pytest.mark.parametrize("tied", [False, True])
+def test_a_region_covers_other_best_fits_as_likely(tied: bool) -> None:
     scans, _, poses = rigid_scene("crs-crs", 0.0, 20)
-    fit = fitted(scans, CORNERS, poses)
-    own = covariances(information(scans, fit.corners, fit.poses), fit.corners, fit.poses)[0]
     every = np.arange(len(scans.k))
+    basis = spline_basis(every / every[-1], 5) if tied else None
+    fit = replace(fitted(scans, CORNERS, poses), basis=basis)
+    known = information(scans, fit.corners, fit.poses)
+    own = covariances(known, fit.corners, fit.poses, freer_spline(basis))[0]
     np.testing.assert_allclose(beside_rivals(scans, Found(fit, every), own, 0.0), own)
     other = fit.corners.copy()
     other[4, 1] += 2.0
     frame = placed(np.roll(other, 2, axis=0), np.array([0.0, 0.0, 0.4]))
-    rival = Fit(frame, fit.poses - [0.0, 0.0, 0.4], fit.costs)
+    rival = Fit(frame, fit.poses - [0.0, 0.0, 0.4], fit.costs, basis)
     wide = beside_rivals(scans, Found(fit, every, ((rival, 0.0),)), own, 0.0)
     far = np.sqrt(wide.diagonal().reshape(-1, 2).sum(axis=1))
     assert (
@@ -174,16 +177,18 @@ def test_a_region_covers_other_best_fits_as_likely() -> None:
     assert own.trace() < unlikely.trace() < 0.2 * wide.trace()
 
 
-def test_a_region_of_a_pose_covers_where_else_it_may_rest() -> None:
+@pytest.mark.parametrize("knots", [0, 5])
+def test_a_region_of_a_pose_covers_where_else_it_may_rest(knots: int) -> None:
     scans, _, poses = rigid_scene("crs-crs", 0.0, 20)
-    fit = fitted(scans, CORNERS, poses)
+    basis = spline_basis(np.linspace(0.0, 1.0, len(poses)), knots) if knots else None
+    fit = replace(fitted(scans, CORNERS, poses), basis=basis)
     every, own = np.arange(len(scans.k)), np.tile(1e-4 * np.eye(3), (len(scans.k), 1, 1))
     alone = poses_beside_rivals(scans, Found(fit, every), own)
     assert np.linalg.eigvalsh(alone - own).min() > -1e-9
     off = fit.poses.copy()
     off[3, 0] += 0.5
     spin = np.array([0.0, 0.0, 0.4])  # the same outline in a frame that is turned
-    rival = Fit(placed(CORNERS, spin), off - spin, fit.costs)
+    rival = Fit(placed(CORNERS, spin), off - spin, fit.costs, basis)
     same = replace(fit, corners=CORNERS)
     wide = poses_beside_rivals(scans, Found(same, every, ((rival, 0.0),)), own)
     more = wide - poses_beside_rivals(scans, Found(same, every), own)
@@ -336,6 +341,20 @@ def test_offsets_of_channels_are_found_along_with_the_shape() -> None:
     often = np.isfinite(np.stack([s["kh"] for s in scans])).mean(axis=0) > 0.8
     for name, true in zip(("kh", "kl"), off, strict=True):
         assert np.std(one.offsets[name][often] - true[often]) < 0.5 * np.std(true[often])
+
+
+def test_corners_on_many_strips_are_counted_once_offsets_are_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    of, counted = scene("offsets, 100", 520, 2), list[float]()
+
+    def counting(scans: RigidScans, fits: list[Fit], distribution: str) -> Found:
+        counted.append(min(f.cost for f in fits) / fits[0].freedom(scans))
+        return _compared(scans, fits, distribution)
+
+    monkeypatch.setattr("tacstrip.tracking.rigid.search._compared", counting)
+    (one,) = ts.track(of.scans, of.unit.sensor, ts.Noise(positional=of.row.level))
+    assert of.outline is not None
+    assert (one.status, len(one.outline), len(counted)) == ("ok", len(of.outline), 1)
+    assert counted[0] < 1.1 < len(one.offsets)  # times the freedom: without what the channels are off
 
 
 def test_regions_with_offsets_allow_for_more_than_their_bound(monkeypatch: pytest.MonkeyPatch) -> None:

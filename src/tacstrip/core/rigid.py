@@ -60,6 +60,17 @@ class RigidScans(Sendable):
         return np.asarray(np.isfinite(self.k).sum(axis=(1, 2)), dtype=np.int64)
 
     @cached_property
+    def channels(self) -> IntArray:
+        """Places of the channels that any scan has a reading of, signature by signature."""
+        return np.flatnonzero(np.isfinite(self.k).any(axis=0))
+
+    @cached_property
+    def reached(self) -> slice:
+        """The strips from the first to the last one that any scan touches."""
+        strips = self.channels % self.k.shape[2]
+        return slice(int(strips.min()), int(strips.max()) + 1) if len(strips) else slice(0, 0)
+
+    @cached_property
     def read(self) -> tuple[int, ...]:
         """Places of the signatures that have readings; those of strips whose other channel is left out have one."""
         return tuple(np.flatnonzero(np.isfinite(self.k).any(axis=(0, 2))).tolist())
@@ -237,16 +248,20 @@ def reduced(
     except np.linalg.LinAlgError:  # scans that do not tell all of their pose
         inverse = np.linalg.pinv(blocks, hermitian=True)
     weighted = inverse @ found.mixed
-    matrix = found.shape - np.einsum("tpc,tpd->cd", found.mixed, weighted)
-    size = np.arange(len(matrix))
+    size = np.arange(len(found.shape))
+    by_pose = weighted.reshape(-1, len(size)).T
+    matrix = found.shape - by_pose @ found.mixed.reshape(-1, len(size))
     matrix[size, size] += damping * found.shape[size, size] + LEAST
-    slope = found.shape_slope - np.einsum("tpc,tp->c", weighted, found.pose_slope)
+    slope = found.shape_slope - by_pose @ found.pose_slope.ravel()
     return np.asarray(matrix), np.asarray(slope), np.asarray(inverse)
 
 
 @dataclass(frozen=True)
 class Linearised:
-    """What strips read of posed corners, and how it changes with pose and corners; arrays (T, S, n, ...)."""
+    """What strips read of posed corners, and how it changes with pose and corners; arrays (T, S, n, ...).
+
+    0 of strips beside those that any scan touches.
+    """
 
     model: FloatArray
     rows: FloatArray  # dk by the pose (3) and the corners (2 N)
@@ -261,7 +276,7 @@ def linearised(scans: RigidScans, corners: FloatArray, poses: FloatArray) -> Lin
     cos, sin = np.cos(poses[:, 2])[:, None], np.sin(poses[:, 2])[:, None]
     x = cos * corners[:, 0] - sin * corners[:, 1] + poses[:, :1]  # (T, N)
     y = sin * corners[:, 0] + cos * corners[:, 1] + poses[:, 1:2]
-    low, high = _crossings(x, y, scans.x_mm)
+    low, high = _crossings(x, y, scans.x_mm[scans.reached])
     by = [_slopes(x, y, cos, sin, poses, crossing) for crossing in (low, high)]  # (T, n, 3 + 2 N)
     l, u = (np.clip(c[1] / length, 0.0, 1.0) for c in (low, high))
     held = [(c[1] > 0.0) & (c[1] < length) for c in (low, high)]
@@ -281,8 +296,11 @@ def linearised(scans: RigidScans, corners: FloatArray, poses: FloatArray) -> Lin
         models.append(model)
         rows.append((by_l * held[0])[..., None] * by[0] + (by_u * held[1])[..., None] * by[1])
         edges.append(by_l**2 * rough[0] + by_u**2 * rough[1])
-    stacked = [np.stack(v, axis=1) for v in (models, rows, edges)]
-    return Linearised(stacked[0], stacked[1], stacked[2], x, y)
+    every = []
+    for part in (models, rows, edges):
+        every.append(np.zeros((*scans.k.shape, *part[0].shape[2:])))
+        every[-1][:, :, scans.reached] = np.stack(part, axis=1)
+    return Linearised(every[0], every[1], every[2], x, y)
 
 
 def plain_equations(scans: RigidScans, corners: FloatArray, poses: FloatArray, how: Loss) -> Equations:

@@ -68,10 +68,9 @@ def channel_offsets(
         return None
     before = fit.cost
     values = np.zeros(scans.k.shape[1:]) if known is None else known.values
-    deviation, touched = known.deviation if known else _FIRST, np.isfinite(scans.k).any(axis=0).ravel()
+    deviation, touched = known.deviation if known else _FIRST, scans.channels
     for _ in range(rounds):
         known_of, asked = _alone(scans, fit, values, deviation)
-        known_of, asked = known_of[np.ix_(touched, touched)], asked[touched]
         covariance = np.linalg.inv(known_of)
         step, spread = covariance @ asked, covariance.diagonal()
         price = float(np.linalg.slogdet(deviation**2 * known_of)[1])
@@ -91,11 +90,11 @@ def channel_offsets(
 def _alone(
     scans: RigidScans, fit: Fit, values: FloatArray, deviation: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the equations of the channels' offsets, with corners and poses that follow them: matrix and slope."""
+    """Return the equations of offsets of channels that are read, corners and poses following: matrix and slope."""
     size, rest = fit.corners.size, replace(scans, k=scans.k - values)
     found = with_offsets(rest, fit, information(rest, fit.corners, fit.poses), deviation)
     slope = found.shape_slope.copy()
-    slope[size:] -= values.ravel() / deviation**2
+    slope[size:] -= values.ravel()[scans.channels] / deviation**2
     matrix, slope, _, _ = without_poses(replace(found, shape_slope=slope), fit.basis, _DAMPING)
     own = np.linalg.pinv(matrix[:size, :size], hermitian=True)  # a corner that no reading sees has none
     outline = own @ np.column_stack([matrix[:size, size:], slope[:size]])
@@ -111,8 +110,6 @@ def not_ruled_out(scans: RigidScans, fit: Fit) -> float:
     if len(scans.k) < _FEWEST:
         return 0.0
     known_of, asked = _alone(scans, fit, np.zeros(scans.k.shape[1:]), _FIRST)
-    touched = np.isfinite(scans.k).any(axis=0).ravel()
-    known_of, asked = known_of[np.ix_(touched, touched)], asked[touched]
     price = float(np.linalg.slogdet(_FIRST**2 * known_of)[1])
     return _FIRST if float(asked @ np.linalg.solve(known_of, asked)) - price > _RULED_OUT else 0.0
 
@@ -139,17 +136,18 @@ def without_needless_corners(scans: RigidScans, offsets: Offsets, fit: Fit) -> t
 
 
 def with_offsets(scans: RigidScans, fit: Fit, found: Equations, deviation: float) -> Equations:
-    """Return the equations of corners and poses with one offset per channel after the corners."""
-    here = linearised(scans, fit.corners, fit.poses)
-    there = np.isfinite(scans.k) & (np.abs(here.rows[..., 0]) <= UPRIGHT / scans.sensor.length_mm)
-    channels = (len(fit.poses), scans.k[0].size)
-    rows = np.where(there[..., None], here.rows, 0.0).reshape(*channels, -1) / scans.sigma**2
-    left = np.where(there, scans.k - here.model, 0.0).reshape(channels) / scans.sigma**2
+    """Return the equations of corners and poses with one offset per channel that is read after the corners."""
+    here, own = linearised(scans, fit.corners, fit.poses), scans.channels
+    many, size = len(fit.poses), 3 + fit.corners.size
+    rows = here.rows.reshape(many, -1, size)[:, own]
+    left = (scans.k - here.model).reshape(many, -1)[:, own] / scans.sigma**2
+    there = np.isfinite(left) & (np.abs(rows[..., 0]) <= UPRIGHT / scans.sensor.length_mm)
+    rows *= there[..., None] / scans.sigma**2
     cross = rows[..., 3:].sum(axis=0).T
-    own = np.diag(there.reshape(channels).sum(axis=0) / scans.sigma**2 + deviation**-2)
+    known = np.diag(there.sum(axis=0) / scans.sigma**2 + deviation**-2)
     return replace(
         found,
         mixed=np.concatenate([found.mixed, rows[..., :3].transpose(0, 2, 1)], axis=2),
-        shape=np.block([[found.shape, cross], [cross.T, own]]),
-        shape_slope=np.concatenate([found.shape_slope, left.sum(axis=0)]),
+        shape=np.block([[found.shape, cross], [cross.T, known]]),
+        shape_slope=np.concatenate([found.shape_slope, np.where(there, left, 0.0).sum(axis=0)]),
     )

@@ -12,7 +12,7 @@ from tacstrip.core.rigid import RigidScans
 from tacstrip.tracking.rigid.corners import Fit, corners_cut, edges_and_turns, fitted, poses_around, settled
 from tacstrip.tracking.rigid.covariance import covariances, information, rigid_motions
 from tacstrip.tracking.rigid.offsets import with_offsets
-from tacstrip.tracking.rigid.search import Found, carried
+from tacstrip.tracking.rigid.search import Found, carried, freer_spline
 
 _ANOTHER = 0.5  # squared deviations from the others: a place of its own where a pose may rest
 _STEPS, _SETTLED = 10, 3  # of each descent from a corner cut off, and how many of these are settled
@@ -33,13 +33,13 @@ def beside_rivals(scans: RigidScans, found: Found, shape: FloatArray, deviation:
     fit, total, summed = found.fit, 1.0, shape.copy()
     own = fit.corners - fit.corners.mean(axis=0)
     for rival, worse in found.rivals:
-        if rival.corners.shape != own.shape or len(rival.poses) != len(fit.poses) or rival.basis is not None:
+        if rival.corners.shape != own.shape or len(rival.poses) != len(fit.poses):
             continue
         first, turn, moved = _onto(rival.corners, own)
         equations = information(scans, rival.corners, rival.poses)
         if deviation:
             equations = with_offsets(scans, rival, equations, deviation)
-        theirs = covariances(equations, rival.corners, rival.poses)[0]
+        theirs = covariances(equations, rival.corners, rival.poses, freer_spline(rival.basis))[0]
         order = np.roll(np.arange(own.size).reshape(-1, 2), first, axis=0).ravel()
         spin = np.kron(np.eye(len(own)), turn)
         theirs = spin @ theirs[np.ix_(order, order)] @ spin.T
@@ -57,22 +57,11 @@ def poses_beside_rivals(scans: RigidScans, found: Found, covariances: FloatArray
     about the poses of rivals.
     """
     fit = found.fit
-    if fit.basis is not None:
-        return covariances
-    totals, spread = np.ones(len(fit.poses)), np.zeros_like(covariances)
-    known = information(scans, fit.corners, fit.poses).pose
-    off, worse = _other_rests(scans, fit)
-    kept = [np.zeros_like(fit.poses)]
-    for theirs, by in zip(off.transpose(1, 0, 2), worse.T, strict=True):
-        apart = [np.einsum("ti,tij,tj->t", theirs - k, known, theirs - k) > _ANOTHER for k in kept]
-        odds = np.where(np.all(apart, axis=0), np.exp(-0.5 * np.maximum(by, 0.0)), 0.0)
-        kept.append(np.where(odds[:, None] > 0.0, theirs, 0.0))
-        totals, spread = totals + odds, spread + odds[:, None, None] * _squares(theirs)
-    every = covariances + spread / totals[:, None, None]
+    every = covariances if fit.basis is not None else covariances + _about_other_rests(scans, fit)
     own, middle = fit.corners - fit.corners.mean(axis=0), fit.corners.mean(axis=0)
     total, spread = 1.0, np.zeros_like(covariances)
     for rival, worse_by in found.rivals:
-        if rival.corners.shape != own.shape or len(rival.poses) != len(fit.poses) or rival.basis is not None:
+        if rival.corners.shape != own.shape or len(rival.poses) != len(fit.poses):
             continue
         turn = _onto(rival.corners, own)[1]
         origin = rival.corners.mean(axis=0) - middle @ turn  # the fit's, in the rival's frame
@@ -104,6 +93,20 @@ def with_a_corner_cut(scans: RigidScans, fit: Fit, least_mm: float) -> Fit | Non
             if there.hausdorff_distance(own) > least_mm:
                 return cut_off
     return None
+
+
+def _about_other_rests(scans: RigidScans, fit: Fit) -> FloatArray:
+    """Return what a scan's pose resting elsewhere adds to its covariance (T, 3, 3)."""
+    totals, spread = np.ones(len(fit.poses)), np.zeros((len(fit.poses), 3, 3))
+    known = information(scans, fit.corners, fit.poses).pose
+    off, worse = _other_rests(scans, fit)
+    kept = [np.zeros_like(fit.poses)]
+    for theirs, by in zip(off.transpose(1, 0, 2), worse.T, strict=True):
+        apart = [np.einsum("ti,tij,tj->t", theirs - k, known, theirs - k) > _ANOTHER for k in kept]
+        odds = np.where(np.all(apart, axis=0), np.exp(-0.5 * np.maximum(by, 0.0)), 0.0)
+        kept.append(np.where(odds[:, None] > 0.0, theirs, 0.0))
+        totals, spread = totals + odds, spread + odds[:, None, None] * _squares(theirs)
+    return np.asarray(spread / totals[:, None, None])
 
 
 def _other_rests(scans: RigidScans, fit: Fit) -> tuple[FloatArray, FloatArray]:

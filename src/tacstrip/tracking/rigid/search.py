@@ -328,7 +328,8 @@ def _on_all_turns(starts: Starts, distribution: str) -> Found:
     elsewhere: few strips decide little, and scans with others about may decide.
     """
     scans = starts.scans
-    found = _polygons(starts, scans, starts.best(_FINE_TURNS, len(_FINE_TURNS)), distribution)
+    every = _polygons(starts, scans, starts.best(_FINE_TURNS, len(_FINE_TURNS)), distribution)
+    found = _compared(scans, every, distribution)
     for _ in range(_EXPLORED if content(scans, found.fit, distribution) else 0):
         fits, least = [found.fit, *(fit for fit, _ in found.rivals)], found.fit.criterion(scans)
         found = _compared(scans, [*fits, *explored(scans, found.fit)], distribution)
@@ -364,24 +365,31 @@ def _counted(starts: Starts, distribution: str) -> Found | None:
 def _with_offsets(
     starts: Starts, turns: list[int], distribution: str, wanted: bool, tied: bool = False
 ) -> Found:
-    """Return the polygon that rough outlines become, of readings without what the channels are off."""
+    """Return the polygon that rough outlines become, of readings without what the channels are off.
+
+    Of many strips its corners are counted only once it is known what the channels are off.
+    """
     scans = starts.scans
-    found = _polygons(starts, scans, turns, distribution, tied)
-    wanted &= found.fit.cost < _NO_OFFSETS * found.fit.freedom(scans)
-    asked = channel_offsets(scans, found.fit) if wanted else None
+    fits = _polygons(starts, scans, turns, distribution, tied)
+    best = min(fits, key=lambda f: f.criterion(scans))
+    # Corners and offsets explain the same where few strips are touched, and need not where either may do without.
+    compete = not wanted or scans.strips_touched < FEW_STRIPS or content(scans, best, distribution)
+    without = _compared(scans, fits, distribution) if compete else Found(best, np.arange(len(scans.k)))
+    wanted &= without.fit.cost < _NO_OFFSETS * without.fit.freedom(scans)
+    asked = channel_offsets(scans, without.fit) if wanted else None
     if asked is None or asked[1].cost > _WORTH_SETTLING * asked[1].freedom(scans):  # it is not offsets, then
-        return found
-    without = found
+        return replace(without if compete else _compared(scans, fits, distribution), starts=starts)
     offsets, _ = without_needless_corners(scans, *asked)
-    found = _polygons(starts, taken_off(scans, offsets), turns, distribution, tied)
-    asked = channel_offsets(scans, found.fit, offsets)
+    fits = _polygons(starts, taken_off(scans, offsets), turns, distribution, tied)
+    fits.sort(key=lambda f: f.criterion(scans))
+    if compete:
+        found = _compared(taken_off(scans, offsets), fits, distribution)
+        fits = [found.fit, *(f for f, _ in found.rivals)]
+    asked = channel_offsets(scans, fits[0], offsets)
     assert asked is not None
     offsets, best = without_needless_corners(scans, *asked)
     rest = taken_off(scans, offsets)
-    again = [
-        settled(rest, fitted(rest, f.corners, f.poses, basis=f.basis))
-        for f in (best, found.fit, *(f for f, _ in found.rivals))
-    ]
+    again = [settled(rest, fitted(rest, f.corners, f.poses, basis=f.basis)) for f in (best, *fits)]
     free = replace(_compared(rest, again, distribution), offsets=offsets, starts=starts)
     return likelier(scans, free, without, distribution)
 
@@ -448,8 +456,8 @@ def _spline(scans: RigidScans, chosen: IntArray, knots: int) -> FloatArray:
 
 def _polygons(
     starts: Starts, scans: RigidScans, turns: list[int], distribution: str, tied: bool = False
-) -> Found:
-    """Return the polygon that rough outlines become; its poses free, or tied to a spline.
+) -> list[Fit]:
+    """Return the polygons of all scans that rough outlines become; their poses free, or tied to a spline.
 
     `scans` are those of the starts, or these without what the channels are off.
     """
@@ -468,7 +476,7 @@ def _polygons(
     if tied:
         fits = _on_the_best_spline(scans, chosen, fits)
     fits = _alternatives(few, fits, distribution)
-    return replace(_compared(scans, [_on_all(scans, chosen, f) for f in fits], distribution), starts=starts)
+    return [_on_all(scans, chosen, f) for f in fits]
 
 
 def _compared(scans: RigidScans, fits: list[Fit], distribution: str, within: float = _WITHIN) -> Found:
