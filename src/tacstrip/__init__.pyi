@@ -70,9 +70,9 @@ from .stream.replay import Recording as Recording
 from .stream.simulated import SimulatedSource as SimulatedSource
 from .tracking.live import LiveTracks as LiveTracks
 from .tracking.live_contact import LiveTrack as LiveTrack
+from .tracking.result import Track as Track
 from .tracking.solid import SolidTrack as SolidTrack
 from .tracking.solid import track_solid as track_solid
-from .tracking.track import Track as Track
 from .tracking.track import track as track
 
 __version__: str

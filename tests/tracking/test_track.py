@@ -36,7 +36,7 @@ from tacstrip.tracking.rigid.offsets import Offsets, channel_offsets, not_ruled_
 from tacstrip.tracking.rigid.rivals import beside_rivals, poses_beside_rivals
 from tacstrip.tracking.rigid.search import Found, _compared, freer_spline, likelier
 from tacstrip.tracking.rigid.smooth_path import fit_corners, spline_basis
-from tacstrip.tracking.track import _less_than_half_turns
+from tacstrip.tracking.summary import less_than_half_turns
 
 NOISE = ts.Noise(positional=0.005)
 
@@ -363,7 +363,7 @@ def test_regions_with_offsets_allow_for_more_than_their_bound(monkeypatch: pytes
         of, found = scene(row, 430, 4), []
         for kinked in (None, 1.0):
             if kinked is not None:
-                monkeypatch.setattr("tacstrip.tracking.track._KINKED", kinked)
+                monkeypatch.setattr("tacstrip.tracking.summary._KINKED", kinked)
             (one,) = ts.track(of.scans, of.unit.sensor, ts.Noise(positional=of.row.level))
             assert one.covariance is not None
             found.append(np.trace(one.covariance))
@@ -688,9 +688,9 @@ def test_tracks_without_a_shape_are_valid_json() -> None:
 
 def test_angles_go_on_by_less_than_half_a_turn() -> None:
     pressed_again = np.array([0.0, 0.02, np.nan, 6.3, 6.32])  # a full turn further, which is none
-    assert np.nanmax(_less_than_half_turns(pressed_again)) < 0.04
+    assert np.nanmax(less_than_half_turns(pressed_again)) < 0.04
     twice_around = np.linspace(0.0, 4.0 * np.pi, 50)
-    np.testing.assert_allclose(_less_than_half_turns(twice_around % (2.0 * np.pi)), twice_around, atol=1e-9)
+    np.testing.assert_allclose(less_than_half_turns(twice_around % (2.0 * np.pi)), twice_around, atol=1e-9)
 
 
 def test_a_corner_too_few_and_one_too_many_are_counted_right() -> None:

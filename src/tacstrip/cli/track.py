@@ -25,7 +25,8 @@ from tacstrip.stream.recording.recorder import Recorder
 from tacstrip.stream.replay import ReadingsSource, Recording, open_source
 from tacstrip.stream.source import RawScan, TrackedShape
 from tacstrip.tracking.geojson import track_records, write_tracks
-from tacstrip.tracking.track import Track, track
+from tacstrip.tracking.result import Track
+from tacstrip.tracking.track import track
 
 _OPEN_DEG = 30.0  # standard deviation of a turn from which on it is not said
 

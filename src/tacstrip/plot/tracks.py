@@ -16,7 +16,7 @@ from tacstrip.plot.scene import draw_polygon, fill_sheet
 from tacstrip.plot.sensors import axes_with_sensor
 from tacstrip.plot.theme import OTHERS, RECOVERED, SENSOR, add_axes, legend_above, new_figure
 from tacstrip.sensor.spec import Sensor
-from tacstrip.tracking.track import Track
+from tacstrip.tracking.result import Track
 
 _DRAWN = 6  # outlines on each path
 _PALER = 0.72  # from one outline to that before

@@ -11,7 +11,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray, plain
 from tacstrip.files import write_text
-from tacstrip.tracking.track import Track
+from tacstrip.tracking.result import Track
 
 
 def track_collection(tracks: Sequence[Track]) -> dict[str, Any]:

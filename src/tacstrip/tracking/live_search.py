@@ -14,10 +14,12 @@ from tacstrip.reconstruction.result import Alternative, Status
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.episodes import Episode
+from tacstrip.tracking.objects import Readings, Skin
 from tacstrip.tracking.rigid.corners import Fit
 from tacstrip.tracking.rigid.fixed_lag import FixedLag
 from tacstrip.tracking.rigid.search import content, recognised
-from tacstrip.tracking.track import Readings, Skin, searched, summarised
+from tacstrip.tracking.stretches import searched
+from tacstrip.tracking.summary import summarised
 
 _COMPARED = 24  # scans of a known object, and of a contact, that tell whether it is the same
 _MOVED = 2.0  # standard deviations that readings must vary by, over time

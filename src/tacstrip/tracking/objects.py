@@ -1,0 +1,133 @@
+"""Objects while they are found: the scans that show each, its readings there, and what is known of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.core.hull import available
+from tacstrip.core.rigid import RigidScans
+from tacstrip.reconstruction.seam import opened
+from tacstrip.sensor.spec import Sensor
+from tacstrip.tracking.rigid.corners import Fit, posed
+from tacstrip.tracking.rigid.search import LEAST_STRIPS, Found
+from tacstrip.tracking.shared_strips.known import Alone, Shared
+
+TOLD = 0.1  # of the pitch: shapes that differ by more are not the same
+_UNEXPLAINED = (
+    "in the scans in which it shares strips the known objects do not explain the readings: another is there that is "
+    "never alone, or one outline is that of two"
+)
+
+
+@dataclass(frozen=True)
+class Skin:
+    """The strips that contacts lie on: a closed tube's are laid out for as many turns as contacts go on."""
+
+    sensor: Sensor
+    span: slice
+
+    @property
+    def laid_out(self) -> Sensor:
+        """A sensor of these strips."""
+        if not self.sensor.closed:
+            return self.sensor
+        return opened(self.sensor, self.span.stop - self.span.start)
+
+
+@dataclass(frozen=True, eq=False)
+class Object:
+    """The scans that show one object by itself, its readings there, and what was found; and with others.
+
+    `alike`: one of those that share strips with it has its shape. `begun`: what a search that was not thorough found.
+    """
+
+    shown: list[int]
+    joint: list[int]
+    runs: list[slice]
+    scans: RigidScans
+    found: Found
+    shared: tuple[Shared, ...] = ()
+    alike: bool = False
+    begun: Found | None = field(default=None, repr=False)
+
+    @property
+    def places(self) -> set[tuple[int, int]]:
+        """Scans that show it by itself, and its first strip there."""
+        return {(scan, run.start) for scan, run in zip(self.shown, self.runs, strict=True)}
+
+    @property
+    def followable(self) -> bool:
+        """Whether it can be followed where it shares strips: there channels have no offsets and poses no spline."""
+        return (
+            self.found.offsets is None
+            and self.found.fit.basis is None
+            and self.scans.strips_touched >= LEAST_STRIPS
+        )
+
+    @property
+    def alone(self) -> Alone:
+        """What is known of it for scans in which it shares strips."""
+        order = np.argsort(self.shown)
+        fit = self.found.fit
+        return Alone(
+            fit.corners,
+            [self.shown[i] for i in order],
+            fit.poses[order],
+            self.scans.k[order],
+            tuple(
+                (f.corners, f.poses[order])
+                for f in self.found.unlike(self.scans, TOLD * self.scans.sensor.pitch_mm)
+            ),
+        )
+
+    @property
+    def unexplained(self) -> Object:
+        """It with the advice that what it shares strips with is not known."""
+        return replace(self, shared=(*self.shared, Shared(self.found.fit.corners, {}, advice=_UNEXPLAINED)))
+
+    def without(self, places: set[tuple[int, int]]) -> Object | None:
+        """Return what is known of it without some scans and places; None where nothing is left."""
+        at = zip(self.shown, self.runs, strict=True)
+        kept = [i for i, (scan, run) in enumerate(at) if (scan, run.start) not in places]
+        if not kept:
+            return None
+        fit = self.found.fit
+        fit = Fit(fit.corners, fit.poses[kept], fit.costs[kept])
+        shown, runs = [self.shown[i] for i in kept], [self.runs[i] for i in kept]
+        return Object(shown, [], runs, self.scans.of(kept), Found(fit, np.arange(len(kept))))
+
+    def with_shared(self, more: Shared) -> Object:
+        """Return it with scans in which it shares strips, and the outline that they sharpened."""
+        last = self.found.fit.poses
+        start = np.stack([more.again.get(s, p) for s, p in zip(self.shown, last, strict=True)])
+        fit = posed(self.scans, Fit(more.corners, start, np.full(len(start), np.inf)))
+        rivals = tuple(
+            (replace(fit, corners=o, poses=fit.poses[self.found.chosen]), w) for o, w in more.rivals
+        )
+        return replace(self, found=replace(self.found, fit=fit, rivals=rivals), shared=(*self.shared, more))
+
+
+@dataclass(frozen=True, eq=False)
+class Readings:
+    """All readings (T, S, n), and what is known of them; sigma None: not known."""
+
+    k: FloatArray
+    skin: Skin
+    names: tuple[str, ...]
+    sigma: float | None
+    distribution: str
+
+    @property
+    def followable(self) -> bool:
+        """Whether objects can be followed where they share strips: with both signatures, and compiled."""
+        return available() and len(self.names) > 1
+
+    @property
+    def touched(self) -> BoolArray:
+        """Strips of the skin that are touched (T, n)."""
+        span = self.skin.span
+        own = np.arange(span.start, span.stop) % self.k.shape[2]
+        return np.asarray(np.isfinite(self.k).any(axis=1))[:, own]

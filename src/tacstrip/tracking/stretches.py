@@ -1,0 +1,130 @@
+"""The shape of one stretch of scans, and the other stretches that it explains."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from tacstrip.core.problem import FLOOR
+from tacstrip.core.rigid import RigidScans
+from tacstrip.tracking.episodes import Episode
+from tacstrip.tracking.objects import Object, Readings
+from tacstrip.tracking.rigid.corners import posed
+from tacstrip.tracking.rigid.offsets import taken_off
+from tacstrip.tracking.rigid.search import (
+    Found,
+    compared_again,
+    content,
+    counted_among_followers,
+    recognised,
+    search,
+    with_all_poses,
+)
+
+FEWEST = 5  # scans of one stretch that a shape is searched in
+MOST = 200  # scans that a shape is fitted to; the others only have their poses fitted
+GUESS, _CEILING = 0.003, 0.02 / math.sqrt(3.0)  # of sigma that is not known [Vref]
+_ALIKE = 1.25  # times a guess of sigma: found again, it is believed
+_ROUNDS = 3  # of finding sigma
+
+
+def searched(
+    episode: Episode,
+    read: Readings,
+    *,
+    offsets: bool = True,
+    thorough: bool = True,
+    begun: Found | None = None,
+) -> Object | None:
+    """Return the object of an episode; None where its scans are too few for a shape over time.
+
+    `begun`: what a search that was not thorough ended with, `Object.begun`.
+    """
+    if len(episode.scans) < FEWEST:
+        return None
+    step = read.skin.sensor.adc_step
+    level = read.sigma or max(GUESS, step)
+    if begun is not None and begun.starts is not None:
+        level = begun.starts.scans.sigma
+    every = RigidScans(read.skin.laid_out, read.names, episode.readings(read.k, read.skin.span), level)
+    few = np.unique(np.linspace(0, len(every.k) - 1, min(len(every.k), MOST)).astype(int))
+    least = max(step / math.sqrt(12.0), FLOOR)
+    for _ in range(_ROUNDS):
+        ended = search(every.of(few), read.distribution, offsets=offsets, thorough=thorough, begun=begun)
+        left = level * math.sqrt(ended.fit.cost / ended.fit.freedom(every.of(few)))
+        if read.sigma or level / _ALIKE < left < level * _ALIKE:
+            break
+        level, begun = float(np.clip(left, least, _CEILING)), None
+        every = every.with_sigma(level)
+    rest = taken_off(every.of(few), ended.offsets)
+    if ended.fit.basis is None and content(rest, ended.fit, read.distribution):
+        ended = counted_among_followers(rest, ended, read.distribution)
+    every = taken_off(every, ended.offsets)
+    fit = with_all_poses(every, few, ended.fit)
+    found = replace(ended, fit=fit, chosen=few[ended.chosen], starts=None)
+    kept = None if thorough else ended
+    return Object(episode.scans, episode.joint, episode.runs, every, found, begun=kept)
+
+
+def with_stretches(one: Object, start: Episode, left: list[Episode], read: Readings) -> Object:
+    """Return the object with those of other stretches that its shape explains, which are taken away."""
+    others = (e for e in start.group if e is not start and set(e.scans) & set(one.shown))
+    one = joined = replace(one, alike=any(_recognise(one, e, read) is not None for e in others))
+    for other in list(left):
+        again = None if set(other.scans) & set(joined.shown) else _recognise(joined, other, read)
+        if again is not None:
+            joined = again
+            left.remove(other)
+    return one if joined is one else _counted_again(joined, one.found, read)
+
+
+def explained_too(new: Object, objects: list[Object], read: Readings) -> list[Object]:
+    """Return the objects and a new one, which takes in those that its shape explains: theirs were too little told."""
+    kept, joined = list[Object](), new
+    for other in objects:
+        apart = not (set(other.shown) & set(joined.shown) or other.joint or joined.joint)
+        again = _recognise(joined, Episode(other.shown, other.runs), read) if apart else None
+        joined, kept = (joined, [*kept, other]) if again is None else (again, kept)
+    return [*kept, new if joined is new else _counted_again(joined, new.found, read)]
+
+
+def _recognise(one: Object, other: Episode, read: Readings) -> Object | None:
+    """Return the object with another stretch of scans too, where its shape explains them; else None."""
+    if one.found.fit.basis is not None or not content(one.scans, one.found.fit, read.distribution):
+        return None
+    more = taken_off(replace(one.scans, k=other.readings(read.k, read.skin.span)), one.found.offsets)
+    fit = recognised(one.scans, one.found.fit, more, read.distribution)
+    if fit is None:
+        return None
+    every = replace(one.scans, k=np.concatenate([one.scans.k, more.k]))
+    return replace(
+        one,
+        shown=one.shown + other.scans,
+        joint=one.joint + other.joint,
+        runs=one.runs + other.runs,
+        scans=every,
+        found=replace(one.found, fit=fit),
+    )
+
+
+def _counted_again(one: Object, before: Found, read: Readings) -> Object:
+    """Return an object of several stretches with its corners counted over all of them, and what rivals remain.
+
+    `before`: what was found of the first.
+    """
+    order = np.argsort(one.shown)
+    scans, fit = one.scans.of(order), one.found.fit
+    fit = replace(fit, poses=fit.poses[order], costs=fit.costs[order])
+    few = np.unique(np.linspace(0, len(order) - 1, min(len(order), MOST)).astype(int))
+    some = scans.of(few)
+    begun = replace(fit, poses=fit.poses[few], costs=fit.costs[few])
+    found = compared_again(some, before, begun, read.distribution)
+    found = replace(
+        counted_among_followers(some, found, read.distribution), chosen=few, offsets=before.offsets
+    )
+    if len(few) < len(order):
+        found = replace(found, fit=posed(scans, replace(fit, corners=found.fit.corners)))
+    shown, runs = [one.shown[i] for i in order], [one.runs[i] for i in order]
+    return replace(one, shown=shown, runs=runs, scans=scans, found=found)

@@ -1,0 +1,245 @@
+"""What is known of an object in the end, as a track with its status and advice."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from tacstrip.arrays import FloatArray
+from tacstrip.contact.noise import Noise
+from tacstrip.geometry.pose import placed
+from tacstrip.reconstruction.result import Alternative, Status
+from tacstrip.scan import Scan
+from tacstrip.sensor.spec import Sensor
+from tacstrip.tracking.episodes import Episode
+from tacstrip.tracking.objects import TOLD, Object, Readings, Skin
+from tacstrip.tracking.result import Track
+from tacstrip.tracking.rigid.corners import FIRST, Fit, reflex
+from tacstrip.tracking.rigid.covariance import covariances, following, information
+from tacstrip.tracking.rigid.offsets import not_ruled_out, with_offsets
+from tacstrip.tracking.rigid.posterior import scatter
+from tacstrip.tracking.rigid.rivals import beside_rivals, poses_beside_rivals, with_a_corner_cut
+from tacstrip.tracking.rigid.search import FEW_STRIPS, LEAST_STRIPS, content, freer_spline
+from tacstrip.tracking.single_scans import SingleScans
+
+_OF_SIZE = 0.01  # beside TOLD: of the outline's extent, and ...
+_TELLING = 4.0  # ... deviations of the least certain corner: shapes that differ by more are not the same
+_MAY_BE_OFF = 0.05  # of the extent, by which no corner may be off ...
+_DEVIATIONS = 2.0  # ... within so many deviations
+# Squared errors of outlines with offsets over their covariance, as measured: so loose, their cost has small minima at
+# kinks, of which the readings prefer none.
+_KINKED = 1.2
+_COUNTED = 0.05  # pitches, by which an outline of another count is off, for the count to matter
+_MOVED = 0.5  # pitches that corners must move where few strips are touched
+_NOT_RIGID = (
+    "no rigid outline explains all scans: {times:.3g} times the noise is left over; the object deforms or rolls, two "
+    "are taken for one, or the noise is larger than given: read the scans one by one (`single`)"
+)
+_NOT_TOLD = (
+    "the motion does not tell the shape: outlines that differ by {spread:.2g} mm explain all scans; turn the object, "
+    "or slide it across the strips by more than half a pitch"
+)
+_COUNT = (
+    "the number of corners is open: an outline of {n} explains the scans nearly as well; turn the object further, or "
+    "take more scans"
+)
+_HARDLY_MOVED = (
+    "its corners stay over the same strips in all {n} scans, which so tell little more of the shape than one: turn the "
+    "object further, or slide it across the strips by more than half a pitch"
+)
+_SMALL = (
+    "most scans touch no more than two strips, which tell hardly more than where it lies: the outline is one of many; "
+    "finer strips would tell it"
+)
+_LOOSE = (
+    "the scans leave a corner uncertain by {far:.2g} mm (two standard deviations): read both signatures, turn the "
+    "object further, or slide it across the strips"
+)
+_CONCAVE = "the outline is concave: one object, or several that keep together"
+_SMOOTH = (
+    "one signature on few strips tells the shape only as far as the motion is smooth: corners and poses may be off by "
+    "more than their regions say"
+)
+_NO_PATH = (
+    "one signature on few strips, and no smooth motion explains the scans: the poses take up most of what the scans "
+    "tell of the shape; read both signatures, or move the object smoothly"
+)
+_CURVED = (
+    "an outline of {n} corners stands for a curve, and with one signature on few strips a wrong motion may look like "
+    "one: read both signatures"
+)
+_WANDERS = (
+    "errors of channels follow each other from scan to scan: many scans are worth fewer, and a corner may be made of "
+    "such errors; regions of the shape are {times:.2g} times as wide. Calibrate, or let the unit warm up"
+)
+_SHORT = "{n} scans show it, too few for a shape over time: the outline is that of the scan that tells most"
+_LOOKS_ALIKE = "another that it shared strips with looks like it: after they parted each may be the other"
+
+
+def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | None) -> Track:
+    """Return what is known of an object over time."""
+    fit, skin, total = one.found.fit, read.skin, len(scans)
+    sensor = skin.sensor
+    if _signed_area(fit.corners) < 0.0:
+        fit = replace(fit, corners=fit.corners[::-1])
+    corners, first = fit.corners, int(np.argmin(one.shown))
+    middle, angle = corners.mean(axis=0), float(fit.poses[first, 2])
+    outline, spin = _turned(corners - middle, angle), _turned(np.eye(2), angle)
+    equations = information(one.scans, corners, fit.poses)
+    offsets = one.found.offsets
+    deviation = offsets.upper if offsets else not_ruled_out(one.scans, fit)
+    if deviation:
+        equations = with_offsets(one.scans, fit, equations, deviation)
+    shape, of_poses = covariances(equations, corners, fit.poses, freer_spline(fit.basis))
+    order = np.argsort(one.shown)
+    wider = following(one.scans.of(order), corners, fit.poses[order])
+    of_poses = poses_beside_rivals(one.scans, one.found, of_poses)
+    shape = wider**2 * beside_rivals(one.scans, one.found, shape, deviation)
+    if offsets and fit.basis is None and one.scans.strips_touched < FEW_STRIPS:
+        shape *= _KINKED
+    all_spin = np.kron(np.eye(len(corners)), spin.T)
+    shape = np.asarray(all_spin @ shape @ all_spin.T)
+    poses, spreads = np.full((total, 3), np.nan), np.full((total, 3, 3), np.nan)
+    poses[one.shown], spreads[one.shown] = _reframed(fit.poses, of_poses, middle, angle)
+    for more in one.shared:
+        poses[more.scans], spreads[more.scans] = _reframed(more.poses, more.covariances, middle, angle)
+    poses[:, 0] += skin.span.start * sensor.pitch_mm
+    poses[:, 2] = less_than_half_turns(poses[:, 2])
+    advice, note, alone = "", "", None
+    explained = content(one.scans, fit, read.distribution)
+    if one.scans.strips_touched < LEAST_STRIPS and not one.shared:
+        advice = _SMALL
+    elif not explained:
+        times = math.sqrt(fit.cost / fit.freedom(one.scans))
+        advice = _NOT_RIGID.format(times=times)
+    if not explained:
+        alone = SingleScans(scans, dict(zip(one.shown, one.runs, strict=True)), sensor, noise)
+    concave, few = bool(reflex(outline).any()), one.scans.strips_touched < FEW_STRIPS
+    loosest = math.sqrt(float(shape.diagonal().reshape(-1, 2).sum(axis=1).max()))
+    spread = one.found.spread_mm
+    size = float(np.ptp(outline, axis=0).max())
+    unsure = max(TOLD * sensor.pitch_mm, _MAY_BE_OFF * size)
+    told = spread <= max(TOLD * sensor.pitch_mm, _OF_SIZE * size, min(_TELLING * loosest, unsure))
+    if not advice and not told:
+        advice = _NOT_TOLD.format(spread=spread)
+    elif not advice and _hardly_moved(one, outline, poses[np.isfinite(poses[:, 0])]):
+        told, advice = False, _HARDLY_MOVED.format(n=len(one.shown))
+    elif not advice and fit.basis is None and len(one.scans.read) == 1 and few:
+        told, advice = False, _NO_PATH
+    elif not advice and fit.basis is not None and few and len(outline) >= FIRST:
+        told, advice = False, _CURVED.format(n=len(outline))
+    if not advice and concave and fit.basis is None:
+        loosest = max(loosest, scatter(one.scans, fit))
+    if not advice and _DEVIATIONS * loosest > unsure:
+        told, advice = False, _LOOSE.format(far=_DEVIATIONS * loosest)
+    elif not advice and (other := one.found.of_other_count(_COUNTED * sensor.pitch_mm)):
+        told, advice = False, _COUNT.format(n=other)
+    elif not advice and (cut := _with_a_corner_cut(one)):
+        told, advice, one = False, _COUNT.format(n=len(outline) + 1), cut
+    elif not advice:
+        tied = fit.basis is not None and few
+        wander = [_WANDERS.format(times=wider)] * (wider > 1.0)
+        note = "; ".join([_CONCAVE] * concave + [_SMOOTH] * tied + wander)
+    parted = bool(one.joint) and max(one.shown) > min(one.joint)
+    more_advice = (
+        [_LOOKS_ALIKE] if one.alike and parted and not one.shared else [m.advice for m in one.shared]
+    )
+    advice = "; ".join(dict.fromkeys(filter(None, [advice, *more_advice])))
+    others = tuple(Alternative(weight, _turned(o - middle, angle)) for o, weight in one.found.others)
+    status: Status = "doubtful" if advice else "likely" if note else "ok"
+    joint = tuple(sorted({*one.joint, *(s for more in one.shared for s in more.joint)}))
+    return Track(
+        0, outline, shape, poses, spreads, np.empty(0), np.empty(0), status, advice or note, () if told else others,
+        joint, _motion(fit), _offsets(one, skin), alone,
+    )  # fmt: skip
+
+
+def _with_a_corner_cut(one: Object) -> Object | None:
+    """Return the object with the rival of which a corner is two, where few strips or one signature allow that."""
+    fit, chosen = one.found.fit, one.found.chosen
+    few = one.scans.strips_touched < FEW_STRIPS or len(one.scans.read) == 1
+    part = fit.basis is not None and len(chosen) < len(fit.poses)
+    shared = bool(one.shared)  # scans that it shares strips in have sharpened it, and are not among these
+    if shared or not few or part or len(fit.corners) + 1 >= FIRST or reflex(fit.corners).any():
+        return None
+    some, fit = one.scans.of(chosen), replace(fit, poses=fit.poses[chosen], costs=fit.costs[chosen])
+    cut = with_a_corner_cut(some, fit, _COUNTED * some.sensor.pitch_mm)
+    if cut is None:
+        return None
+    rival = (cut, cut.criterion(some) - fit.criterion(some))
+    return replace(one, found=replace(one.found, rivals=(*one.found.rivals, rival)))
+
+
+def _reframed(
+    poses: FloatArray, spreads: FloatArray, middle: FloatArray, angle: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return poses (M, 3) and their covariances of a frame about a point of the old one, turned."""
+    where = np.array([placed(middle[None], p)[0] for p in poses]).reshape(-1, 2)
+    by = np.tile(np.eye(3), (len(poses), 1, 1))
+    by[:, 0, 2], by[:, 1, 2] = poses[:, 1] - where[:, 1], where[:, 0] - poses[:, 0]
+    moved = np.column_stack([where, poses[:, 2] - angle])
+    return moved, np.asarray(by @ spreads @ by.transpose(0, 2, 1))
+
+
+def _hardly_moved(one: Object, outline: FloatArray, poses: FloatArray) -> bool:
+    """Whether few strips read the outline at always the same places."""
+    x = np.stack([placed(outline, pose)[:, 0] for pose in poses])
+    few = one.scans.strips_touched < FEW_STRIPS
+    return bool(few and np.median(np.ptp(x, axis=0)) < _MOVED * one.scans.sensor.pitch_mm)
+
+
+def _motion(fit: Fit) -> str:
+    """Say what is taken for granted of the motion."""
+    if fit.basis is None:
+        return "free"
+    return (
+        f"smooth: x, y and angle are cubic splines of {fit.basis.shape[1]} knots over {len(fit.poses)} scans"
+    )
+
+
+def _offsets(one: Object, skin: Skin) -> dict[str, FloatArray]:
+    """Return the offsets of the sensor's channels by signature, where there are any."""
+    if one.found.offsets is None:
+        return {}
+    found = {}
+    own = np.arange(skin.span.start, skin.span.stop) % skin.sensor.strips
+    for name, values in zip(one.scans.names, one.found.offsets.values, strict=True):
+        found[name] = np.zeros(skin.sensor.strips)
+        np.add.at(found[name], own, values)
+    return found
+
+
+def of_one_scan(one: Episode, scans: list[Scan], sensor: Sensor, noise: Noise | None) -> Track:
+    """Return the track of an object that too few scans show: the shape of the one in which it touches most strips."""
+    widest = max(range(len(one.scans)), key=lambda i: one.runs[i].stop - one.runs[i].start)
+    alone = SingleScans(scans, dict(zip(one.scans, one.runs, strict=True)), sensor, noise)
+    shape = alone[one.scans[widest]]
+    assert shape is not None
+    poses, spreads = np.full((len(scans), 3), np.nan), np.full((len(scans), 3, 3), np.nan)
+    outline = shape.vertices
+    if len(outline):
+        middle = outline.mean(axis=0)
+        outline, poses[one.scans[widest]] = outline - middle, (*middle, 0.0)
+    advice = "; ".join(filter(None, [_SHORT.format(n=len(one.scans)), shape.advice]))
+    return Track(
+        0, outline, shape.covariance, poses, spreads, np.empty(0), np.empty(0), shape.status, advice,
+        shape.alternatives, tuple(one.joint), by_scan=alone,
+    )  # fmt: skip
+
+
+def less_than_half_turns(angles: FloatArray) -> FloatArray:
+    """Return angles (T,) [rad], NaN where absent, that go on by less than half a turn from one scan to the next."""
+    found, present = angles.copy(), np.isfinite(angles)
+    found[present] = np.unwrap(angles[present])
+    return found
+
+
+def _turned(corners: FloatArray, angle: float) -> FloatArray:
+    return placed(corners, np.array([0.0, 0.0, angle]))
+
+
+def _signed_area(corners: FloatArray) -> float:
+    x, y = corners.T
+    return float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum()) / 2.0
