@@ -261,7 +261,7 @@ def _contacts(
     def fit(strips: slice, missing: tuple[int, ...] = (), run: RunFit | None = None) -> FittedContact:
         fitted, margin_mm = fitted_strips(sensor, strips)
         own = scan.read_on(strips)
-        measured = readings = {name: own[name][fitted] for name in own.signatures}
+        readings = {name: own[name][fitted] for name in own.signatures}
         x = sensor.x_mm[fitted]
 
         def runs_of(many: Sequence[Mapping[str, FloatArray]]) -> list[RunFit]:
@@ -277,8 +277,11 @@ def _contacts(
             def fit_thin(thin: dict[str, FloatArray]) -> RunFit:
                 return checked(runs_of([thin])[0], thin)
 
-            known = sigma is not None
-            run, readings = fitted_to_wide_strips(fit_thin, run, sensor, x, measured, known)
+            every, within = sensor.x_mm[strips], slice(fitted.start - strips.start, fitted.stop - strips.start)
+            measured = {name: own[name][strips] for name in own.signatures}
+            run, readings = fitted_to_wide_strips(
+                fit_thin, run, sensor, every, measured, within, sigma is not None
+            )
         run = run if sigma is not None else _at_least_a_step(run, sensor)
         return FittedContact(strips, missing, fitted, readings, margin_mm, vertices, run)
 

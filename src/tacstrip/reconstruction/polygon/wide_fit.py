@@ -7,13 +7,14 @@ own readings (Levenberg and Marquardt), and its covariance is by their slopes.
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tacstrip.arrays import FloatArray, IntArray
+from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.contact.signature import signatures
 from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.core.swept_area import swept_share
@@ -26,9 +27,10 @@ from tacstrip.reconstruction.strip_width import end_slopes, has_corner, remove_w
 from tacstrip.sensor.spec import Sensor
 
 _ROUNDS, _SAME = 8, 0.1  # of taking away what the width adds, until it changes by less [sigma]
-_STEPS, _SETTLED = 16, 0.01  # trials of a step, and the gain in chi square that ends them
+_STEPS, _SETTLED, _CURVED = 16, 0.03, 1.0  # trials of a step; gains in chi square that end them, and that ask for new slopes
 _LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e5
 _HARDER, _EASIER = 8.0, 0.1
+_EXPLAINED = 4.0  # deviations that a reading of an outer strip may be off
 _DIFFERENCE = 1e-3  # of the pitch
 _TURN = 1e-9  # of the sensor's area: a corner that turns inwards by less is straight
 
@@ -46,6 +48,9 @@ class _Task:
 
     def read(self, outline: Outline) -> tuple[FloatArray, FloatArray]:
         """Return l and u (2, n) [mm] that lines would have to read what the strips do, and the readings (S, n)."""
+        half, reach = 0.5 * self.sensor.strip_width, self.x[self.used][[0, -1]]
+        if outline.lower[0, 0] > reach[0] + half or outline.lower[-1, 0] < reach[1] - half:
+            raise ContactError("a strip that reads is not touched")
         ends = np.stack(with_corners(self.sensor, outline, self.x))
         made = signatures(self.sensor, *ends)
         return ends, np.stack([made[name] for name in self.names])
@@ -55,6 +60,11 @@ class _Task:
         r = np.where(self.root_weight > 0.0, (self.measured - made) * self.root_weight, 0.0)
         ends = np.subtract(self.expected, outline.lower[[0, -1], 0]) * self.rate
         return np.concatenate([r.ravel(), ends])
+
+    @property
+    def used(self) -> BoolArray:
+        """Which strips have a reading that counts (n,)."""
+        return np.asarray((self.root_weight > 0.0).any(axis=0))
 
     @property
     def rate(self) -> float:
@@ -69,10 +79,15 @@ class _Task:
         by_end = np.zeros((2, len(self.x), len(free)))
         for own, closed in zip(by_end, end_slopes(self.sensor, outline, self.x), strict=True):
             np.add.at(own.T, place, closed.T)
-        step = _DIFFERENCE * self.sensor.pitch_mm
         if self.sensor.contact_lambda_mm == 0.0:
-            for strip, vertex in np.argwhere(has_corner(self.sensor, outline.vertices, self.x)):
-                for at in np.unique(place[[2 * vertex, 2 * vertex + 1]]):
+            step, count = _DIFFERENCE * self.sensor.pitch_mm, len(outline.vertices)
+            here = has_corner(self.sensor, outline.vertices, self.x)
+            last = np.isin(outline.vertices[:, 0], outline.lower[[0, -1], 0])
+            for strip in np.flatnonzero(here.any(axis=1) & self.used):
+                of = np.flatnonzero(here[strip])
+                if last[of].any():  # covered in part
+                    of = np.unique(np.concatenate([of - 1, of, of + 1]) % count)
+                for at in np.unique(place[np.concatenate([2 * of, 2 * of + 1])]):
                     moved = _moved(outline, step * (place == at))
                     there = np.stack(with_corners(self.sensor, moved, self.x[[strip]]))
                     by_end[:, strip, at] = (there[:, 0] - ends[:, strip]) / step
@@ -104,6 +119,7 @@ def fitted_to_wide_strips(
     sensor: Sensor,
     x_mm: FloatArray,
     measured: dict[str, FloatArray],
+    fitted: slice,
     sigma_known: bool,
 ) -> tuple[RunFit, dict[str, FloatArray]]:
     """Return the fit to wide strips, and their readings without what the width adds to those of its outline.
@@ -115,17 +131,19 @@ def fitted_to_wide_strips(
     run
         What it made of the readings as measured.
     sensor, x_mm, measured
-        Wide strips, at x_mm (n,), and their readings (n,).
+        The contact's wide strips, at x_mm (n,), and their readings (n,).
+    fitted
+        Those that `fit` takes.
     sigma_known
         Whether sigma is no estimate.
     """
-    readings = measured
+    readings = inner = {name: k[fitted] for name, k in measured.items()}
     for _ in range(_ROUNDS):
-        wide = _of_wide_strips(run, sensor, x_mm, measured)
+        wide = _of_wide_strips(run, sensor, x_mm, measured, fitted)
         outline = run.outline if wide is None else wide.outline
         if outline is None:
             break
-        thin = remove_width_effect(sensor, outline, x_mm, measured, corners=True)
+        thin = remove_width_effect(sensor, outline, x_mm[fitted], inner, corners=True)
         change = max(float(np.nan_to_num(np.abs(thin[name] - k)).max()) for name, k in readings.items())
         if wide is None and change < _SAME * run.sigma:
             break
@@ -134,7 +152,7 @@ def fitted_to_wide_strips(
         if wide is not None and _alike(run, before):
             if not sigma_known:
                 problem = wide.problem.scaled(run.sigma / wide.sigma)
-                wide = _of_wide_strips(replace(wide, problem=problem, sigma=run.sigma), sensor, x_mm, measured)
+                wide = _of_wide_strips(replace(wide, problem=problem, sigma=run.sigma), sensor, x_mm, measured, fitted)
             return wide or run, readings
     return run, readings
 
@@ -149,7 +167,7 @@ def _alike(run: RunFit, other: RunFit) -> bool:
 
 
 def _of_wide_strips(
-    run: RunFit, sensor: Sensor, x_mm: FloatArray, measured: Mapping[str, FloatArray]
+    run: RunFit, sensor: Sensor, x_mm: FloatArray, measured: Mapping[str, FloatArray], fitted: slice
 ) -> RunFit | None:
     """Return a run whose polygon is the least-squares one on wide strips, near that of the run given.
 
@@ -158,18 +176,23 @@ def _of_wide_strips(
     if not isinstance(run.model, PolygonFit) or run.selection is None or run.outline is None:
         return None
     outline, problem, selection = run.outline, run.problem, run.selection
-    known = np.stack([np.asarray(k, dtype=float) for k in measured.values()])
-    weight = np.where(np.isfinite(known), problem.root_weight, 0.0)
+    known = np.stack([*measured.values()])
+    weight = np.zeros(known.shape)
+    weight[:, fitted] = np.where(np.isfinite(known[:, fitted]), problem.root_weight, 0.0)
     expected = problem.origin_mm, problem.origin_mm + problem.width_mm
     task = _Task(sensor, x_mm, tuple(measured), np.nan_to_num(known), weight, expected)
-    outline, slopes, place = _descended(task, outline)
+    try:
+        outline, slopes, place = _with_outer_strips(task, outline, np.isfinite(known), 1.0 / run.sigma)
+    except ContactError:
+        return None
     if len(known) == 1 and not _convex(outline, sensor):
         return None
     jacobian = np.zeros((len(slopes), len(place)))
     jacobian[:, np.unique(place, return_index=True)[1]] = slopes
     covariance = covariance_with_x_priors(outline, sensor, jacobian)
-    thin = np.stack([*remove_width_effect(sensor, outline, x_mm, measured, corners=True).values()])
-    problem = replace(problem, k=np.where(weight > 0.0, thin, problem.k))
+    inner = {name: k[fitted] for name, k in measured.items()}
+    thin = np.stack([*remove_width_effect(sensor, outline, x_mm[fitted], inner, corners=True).values()])
+    problem = replace(problem, k=np.where(weight[:, fitted] > 0.0, thin, problem.k))
     fit = PolygonFit.of(outline, problem)
     fit = replace(fit, cost=float((fit.residuals(problem) ** 2).sum()))
     fits = [fit if number == selection.best else one for number, one in enumerate(selection.fits)]
@@ -178,6 +201,25 @@ def _of_wide_strips(
     in_mm = replace(ModelInMm.of(fit, problem), covariance=covariance, swept=swept)
     found.__dict__["model_mm"] = in_mm  # the cached property's place
     return found
+
+
+def _with_outer_strips(
+    task: _Task, outline: Outline, there: BoolArray, rate: float
+) -> tuple[Outline, FloatArray, IntArray]:
+    """Do as `_descended`, with the readings of the outer strips too where an outline explains them.
+
+    Covered in part, they tell where the contact ends; with contact resistance nothing says what they read.
+    """
+    outer = ~task.used
+    if task.sensor.contact_lambda_mm == 0.0 and outer.any():
+        weight = np.where(there & outer, rate, task.root_weight)
+        wider = replace(task, root_weight=weight)
+        with contextlib.suppress(ContactError):
+            found = _descended(wider, outline)
+            off = wider.off(found[0], wider.read(found[0])[1])[: weight.size].reshape(weight.shape)
+            if np.abs(off[:, outer]).max(initial=0.0) < _EXPLAINED:
+                return found
+    return _descended(task, outline)
 
 
 def _descended(task: _Task, outline: Outline) -> tuple[Outline, FloatArray, IntArray]:
@@ -209,9 +251,10 @@ def _descended(task: _Task, outline: Outline) -> tuple[Outline, FloatArray, IntA
             break
         gain = float(off @ off - left @ left)
         outline, off, damping = there, left, damping * _EASIER
-        slopes = task.slopes(outline, free, place, ends)
         if gain < _SETTLED:
             break
+        if gain > _CURVED:  # nearer, slopes are as they were
+            slopes = task.slopes(outline, free, place, ends)
     return outline, slopes, place
 
 
