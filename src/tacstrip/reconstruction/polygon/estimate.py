@@ -277,7 +277,10 @@ def _contacts(
             def fit_thin(thin: dict[str, FloatArray]) -> RunFit:
                 return checked(runs_of([thin])[0], thin)
 
-            every, within = sensor.x_mm[strips], slice(fitted.start - strips.start, fitted.stop - strips.start)
+            every, within = (
+                sensor.x_mm[strips],
+                slice(fitted.start - strips.start, fitted.stop - strips.start),
+            )
             measured = {name: own[name][strips] for name in own.signatures}
             run, readings = fitted_to_wide_strips(
                 fit_thin, run, sensor, every, measured, within, sigma is not None

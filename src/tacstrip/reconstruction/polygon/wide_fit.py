@@ -1,15 +1,15 @@
 """The last descent of a polygon on wide strips: on what they read themselves, slopes at corners included.
 
-To take the width's effect away and to fit again turns in circles where a corner lies on a strip: what a centre line tells
-of its place, and what the strip does, differ. So from there on a polygon of so many vertices descends on the wide strips'
-own readings (Levenberg and Marquardt), and its covariance is by their slopes.
+To take the width's effect away and to fit again turns in circles where a corner lies on a strip: what a centre line
+tells of its place, and what the strip does, differ. So from there on a polygon of so many vertices descends on the
+readings of the wide strips themselves (Levenberg and Marquardt), and its covariance is by their slopes.
 """
 
 from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,7 +27,11 @@ from tacstrip.reconstruction.strip_width import end_slopes, has_corner, remove_w
 from tacstrip.sensor.spec import Sensor
 
 _ROUNDS, _SAME = 8, 0.1  # of taking away what the width adds, until it changes by less [sigma]
-_STEPS, _SETTLED, _CURVED = 16, 0.03, 1.0  # trials of a step; gains in chi square that end them, and that ask for new slopes
+_STEPS, _SETTLED, _CURVED = (
+    16,
+    0.03,
+    1.0,
+)  # trials of a step; gains in chi square that end them, and that ask for new slopes
 _LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e5
 _HARDER, _EASIER = 8.0, 0.1
 _EXPLAINED = 4.0  # deviations that a reading of an outer strip may be off
@@ -152,7 +156,9 @@ def fitted_to_wide_strips(
         if wide is not None and _alike(run, before):
             if not sigma_known:
                 problem = wide.problem.scaled(run.sigma / wide.sigma)
-                wide = _of_wide_strips(replace(wide, problem=problem, sigma=run.sigma), sensor, x_mm, measured, fitted)
+                wide = _of_wide_strips(
+                    replace(wide, problem=problem, sigma=run.sigma), sensor, x_mm, measured, fitted
+                )
             return wide or run, readings
     return run, readings
 
@@ -214,12 +220,27 @@ def _with_outer_strips(
     if task.sensor.contact_lambda_mm == 0.0 and outer.any():
         weight = np.where(there & outer, rate, task.root_weight)
         wider = replace(task, root_weight=weight)
-        with contextlib.suppress(ContactError):
-            found = _descended(wider, outline)
-            off = wider.off(found[0], wider.read(found[0])[1])[: weight.size].reshape(weight.shape)
-            if np.abs(off[:, outer]).max(initial=0.0) < _EXPLAINED:
-                return found
+        for start in (outline, *_leaning(outline, 0.5 * task.sensor.strip_width)):
+            with contextlib.suppress(ContactError):
+                found = _descended(wider, start)
+                off = wider.off(found[0], wider.read(found[0])[1])[: weight.size].reshape(weight.shape)
+                if np.abs(off[:, outer]).max(initial=0.0) < _EXPLAINED:
+                    return found
     return _descended(task, outline)
+
+
+def _leaning(outline: Outline, by_mm: float) -> Iterator[Outline]:
+    """Make outlines with one vertical edge the less: one of its vertices moved inwards."""
+    chains = outline.lower, outline.upper
+    for end, sign in ((0, 1.0), (-1, -1.0)):
+        if chains[0][end, 1] == chains[1][end, 1]:
+            continue
+        for side in (0, 1):
+            moved, tip = chains[side].copy(), chains[1 - side][end]
+            moved[end, 0] += sign * by_mm
+            moved = np.insert(moved, len(moved) if end else 0, tip, axis=0)
+            with contextlib.suppress(ContactError):
+                yield Outline(*((chains[0], moved) if side else (moved, chains[1])))
 
 
 def _descended(task: _Task, outline: Outline) -> tuple[Outline, FloatArray, IntArray]:
