@@ -55,7 +55,7 @@ def fit_polygon(
     Parameters
     ----------
     scan, sensor
-        What was measured, with what; strips are as wide as `strip_width_mm` says, which takes three times as long, and
+        What was measured, with what; strips are as wide as `strip_width_mm` says, which takes some .1 s longer, and
         without it they are their centre lines. From one signature the polygon is convex; from k_h and k_l it is
         x-monotone, and its ends may be vertical edges.
     noise

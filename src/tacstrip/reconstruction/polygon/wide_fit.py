@@ -35,6 +35,9 @@ _STEPS, _SETTLED, _CURVED = (
 _LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e5
 _HARDER, _EASIER = 8.0, 0.1
 _EXPLAINED = 4.0  # deviations that a reading of an outer strip may be off
+# Root mean square over b / L, of the closed form on strips with a corner, lambda b / 10 to b / 2 (.07 to .1).
+_CORNER_ERROR = 0.08
+_CORNERS = 12  # of more vertices a descent would take seconds
 _DIFFERENCE = 1e-3  # of the pitch
 _TURN = 1e-9  # of the sensor's area: a corner that turns inwards by less is straight
 
@@ -177,14 +180,20 @@ def _of_wide_strips(
 ) -> RunFit | None:
     """Return a run whose polygon is the least-squares one on wide strips, near that of the run given.
 
-    None where the run has no polygon with an area, or one signature would have one that is not convex.
+    None where it has no polygon with an area, or too many vertices, or of one signature would become concave.
     """
     if not isinstance(run.model, PolygonFit) or run.selection is None or run.outline is None:
+        return None
+    if run.model.n_vertices > _CORNERS:
         return None
     outline, problem, selection = run.outline, run.problem, run.selection
     known = np.stack([*measured.values()])
     weight = np.zeros(known.shape)
     weight[:, fitted] = np.where(np.isfinite(known[:, fitted]), problem.root_weight, 0.0)
+    if sensor.contact_lambda_mm > 0.0:
+        cornered = has_corner(sensor, outline.vertices, x_mm).any(axis=1)
+        closed = _CORNER_ERROR * sensor.strip_width / sensor.length_mm
+        weight[:, cornered] /= np.hypot(1.0, weight[:, cornered] * closed)
     expected = problem.origin_mm, problem.origin_mm + problem.width_mm
     task = _Task(sensor, x_mm, tuple(measured), np.nan_to_num(known), weight, expected)
     try:
