@@ -236,3 +236,37 @@ def test_a_wide_strip_that_is_covered_by_a_sliver_is_no_faulty_channel() -> None
         (found,) = ts.reconstruct(ts.simulate(sensor, contact, noise, rng=seed), sensor, noise).objects
         overlap = ts.mismatch(contact.vertices, found.vertices).iou
         assert overlap >= 0.8 or found.status != "ok"
+
+
+def test_the_count_is_right_and_corners_are_within_their_regions() -> None:
+    """Forty strips of 2 % of L, noise of .1 %: taking the width away by turns may end in too many corners."""
+    sensor = ts.Sensor(construction="crs-crs", strips=40, pitch_mm=2.0, length_mm=100.0, strip_width_mm=2.0)
+    truth, noise = (
+        Outline.of([(11.0, 48.0), (33.5, 17.0), (69.0, 52.0), (40.5, 83.0)]),
+        ts.Noise(positional=0.001),
+    )
+    ideal, random = ts.simulate(sensor, ts.Contact.polygon(truth.vertices)), np.random.default_rng(4)
+    noisy = {name: ideal[name] + random.uniform(-1e-3, 1e-3, 40) for name in ideal.signatures}
+    found = fit_polygon(ts.Scan(**noisy), sensor, noise, bounded=False, assessment="none").objects[0]  # type: ignore[arg-type]
+    assert found.covariance is not None
+    assert found.vertices.shape == truth.vertices.shape
+    for i, off in enumerate(found.vertices - truth.vertices):
+        assert (
+            off @ np.linalg.inv(found.covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2]) @ off < 13.8
+        )  # 99.9 %
+    assert np.abs(found.vertices - truth.vertices).max() < 0.15
+
+
+def test_the_outer_strips_tell_where_a_pointed_end_is() -> None:
+    """By the others alone its x is within a pitch, 5 mm."""
+    sensor = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=5.0, length_mm=100.0, strip_width_mm=5.0)
+    truth, noise = (
+        Outline.of([(16.0, 41.0), (52.0, 18.0), (84.0, 55.0), (47.0, 78.0)]),
+        ts.Noise(positional=0.001),
+    )
+    ideal = ts.simulate(sensor, ts.Contact.polygon(truth.vertices))
+    found = fit_polygon(ideal, sensor, noise, bounded=False, vertices=4, assessment="none").objects[0]
+    assert found.covariance is not None
+    ends = [0, 4]
+    np.testing.assert_allclose(found.vertices.ravel()[ends], truth.vertices.ravel()[ends], atol=0.1)
+    assert np.sqrt(np.diag(found.covariance)[ends]).max() < 0.3

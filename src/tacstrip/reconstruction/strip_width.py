@@ -12,7 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 import shapely
 
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.contact.resolved_ends import resolved_ends
 from tacstrip.contact.signature import signatures
 from tacstrip.geometry.outline import Outline
@@ -55,18 +55,22 @@ def equivalent_ends(sensor: Sensor, outline: Outline, x: FloatArray) -> tuple[Fl
     return lower, np.clip(upper, lower, sensor.length_mm)
 
 
-def _with_corners(sensor: Sensor, outline: Outline, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+def with_corners(sensor: Sensor, outline: Outline, x: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return `equivalent_ends`, those of strips with a corner on them exact under ideal contact."""
     l, u = equivalent_ends(sensor, outline, x)
     contact = shapely.Polygon(outline.vertices)
     if sensor.contact_lambda_mm > 0.0 or not contact.is_valid:
         return l, u
-    beside = np.abs(x[:, None] - outline.vertices[:, 0]).min(axis=1)
-    for i in np.flatnonzero(beside < 0.5 * sensor.strip_width):
+    for i in np.flatnonzero(has_corner(sensor, outline.vertices, x).any(axis=1)):
         ends = resolved_ends([contact], float(x[i]), sensor.strip_width, sensor.length_mm)
         if ends is not None:
             l[i], u[i] = ends
     return l, u
+
+
+def has_corner(sensor: Sensor, vertices: FloatArray, x: FloatArray) -> BoolArray:
+    """Whether strips at x (n,) have each of the vertices (V, 2) on them (n, V)."""
+    return np.asarray(np.abs(x[:, None] - vertices[:, 0]) < 0.5 * sensor.strip_width)
 
 
 def end_slopes(sensor: Sensor, outline: Outline, x: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -100,7 +104,7 @@ def remove_width_effect(
     `corners` takes a millisecond for each strip with a corner on it, which the closed form has off by up to 5e-3.
     """
     l, u = (np.interp(x, *chain.T) for chain in (outline.lower, outline.upper))
-    ends = (_with_corners if corners else equivalent_ends)(sensor, outline, x)
+    ends = (with_corners if corners else equivalent_ends)(sensor, outline, x)
     thin, wide = signatures(sensor, l, u), signatures(sensor, *ends)
     return {name: k - (wide[name] - thin[name]) for name, k in readings.items()}
 

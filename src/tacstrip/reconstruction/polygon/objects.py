@@ -409,7 +409,9 @@ def _errors(
 
 def _by_slopes(model: OutlineModel, run: RunFit, sensor: Sensor, covariance: FloatArray) -> FloatArray:
     """Return the covariance of which errors are propagated: by slopes at the estimate, as they are."""
-    return model.linear_covariance(run.problem, sensor) if isinstance(model, PolygonFit) else covariance
+    if not isinstance(model, PolygonFit) or sensor.strip_width_mm is not None:
+        return covariance
+    return model.linear_covariance(run.problem, sensor)
 
 
 def _upright(outline: Outline, covariance: FloatArray, sensor: Sensor) -> tuple[int, ...]:

@@ -1,0 +1,295 @@
+"""The last descent of a polygon on wide strips: on what they read themselves, slopes at corners included.
+
+To take the width's effect away and to fit again turns in circles where a corner lies on a strip: what a centre line
+tells of its place, and what the strip does, differ. So from there on a polygon of so many vertices descends on the
+readings of the wide strips themselves (Levenberg and Marquardt), and its covariance is by their slopes.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tacstrip.arrays import BoolArray, FloatArray, IntArray
+from tacstrip.contact.signature import signatures
+from tacstrip.core.polygon_fit import PolygonFit
+from tacstrip.core.swept_area import swept_share
+from tacstrip.core.vertex_covariance import covariance_with_x_priors
+from tacstrip.errors import ContactError
+from tacstrip.geometry.outline import Outline
+from tacstrip.reconstruction.noise_covariance import signature_jacobians
+from tacstrip.reconstruction.polygon.run import ModelInMm, RunFit
+from tacstrip.reconstruction.strip_width import end_slopes, has_corner, remove_width_effect, with_corners
+from tacstrip.sensor.spec import Sensor
+
+_ROUNDS, _SAME = 8, 0.1  # of taking away what the width adds, until it changes by less [sigma]
+_STEPS, _SETTLED, _CURVED = (
+    16,
+    0.03,
+    1.0,
+)  # trials of a step; gains in chi square that end them, and that ask for new slopes
+_LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e5
+_HARDER, _EASIER = 8.0, 0.1
+_EXPLAINED = 4.0  # deviations that a reading of an outer strip may be off
+# Root mean square over b / L, of the closed form on strips with a corner, lambda b / 10 to b / 2 (.07 to .1).
+_CORNER_ERROR = 0.08
+_CORNERS = 12  # of more vertices a descent would take seconds
+_DIFFERENCE = 1e-3  # of the pitch
+_TURN = 1e-9  # of the sensor's area: a corner that turns inwards by less is straight
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """What wide strips read: their places x (n,) [mm], names and values (S, n), and the run's weights and ends."""
+
+    sensor: Sensor
+    x: FloatArray
+    names: tuple[str, ...]
+    measured: FloatArray
+    root_weight: FloatArray
+    expected: tuple[float, float]  # x of the left and the right end [mm], known to a pitch
+
+    def read(self, outline: Outline) -> tuple[FloatArray, FloatArray]:
+        """Return l and u (2, n) [mm] that lines would have to read what the strips do, and the readings (S, n)."""
+        half, reach = 0.5 * self.sensor.strip_width, self.x[self.used][[0, -1]]
+        if outline.lower[0, 0] > reach[0] + half or outline.lower[-1, 0] < reach[1] - half:
+            raise ContactError("a strip that reads is not touched")
+        ends = np.stack(with_corners(self.sensor, outline, self.x))
+        made = signatures(self.sensor, *ends)
+        return ends, np.stack([made[name] for name in self.names])
+
+    def off(self, outline: Outline, made: FloatArray) -> FloatArray:
+        """Return all residuals over their sigma (S n + 2,), those of the ends' x last."""
+        r = np.where(self.root_weight > 0.0, (self.measured - made) * self.root_weight, 0.0)
+        ends = np.subtract(self.expected, outline.lower[[0, -1], 0]) * self.rate
+        return np.concatenate([r.ravel(), ends])
+
+    @property
+    def used(self) -> BoolArray:
+        """Which strips have a reading that counts (n,)."""
+        return np.asarray((self.root_weight > 0.0).any(axis=0))
+
+    @property
+    def rate(self) -> float:
+        """1 / the deviation of an end's x [1/mm]."""
+        return math.sqrt(12.0) / self.sensor.pitch_mm
+
+    def slopes(self, outline: Outline, free: IntArray, place: IntArray, ends: FloatArray) -> FloatArray:
+        """Return the slopes of the readings over their sigma by the free coordinates (S n, F) [1/mm].
+
+        A corner's own are by differences on the strip that it lies on, where the closed form has them off by a fifth.
+        """
+        by_end = np.zeros((2, len(self.x), len(free)))
+        for own, closed in zip(by_end, end_slopes(self.sensor, outline, self.x), strict=True):
+            np.add.at(own.T, place, closed.T)
+        if self.sensor.contact_lambda_mm == 0.0:
+            step, count = _DIFFERENCE * self.sensor.pitch_mm, len(outline.vertices)
+            here = has_corner(self.sensor, outline.vertices, self.x)
+            last = np.isin(outline.vertices[:, 0], outline.lower[[0, -1], 0])
+            for strip in np.flatnonzero(here.any(axis=1) & self.used):
+                of = np.flatnonzero(here[strip])
+                if last[of].any():  # covered in part
+                    of = np.unique(np.concatenate([of - 1, of, of + 1]) % count)
+                for at in np.unique(place[np.concatenate([2 * of, 2 * of + 1])]):
+                    moved = _moved(outline, step * (place == at))
+                    there = np.stack(with_corners(self.sensor, moved, self.x[[strip]]))
+                    by_end[:, strip, at] = (there[:, 0] - ends[:, strip]) / step
+        of_ends = signature_jacobians(self.sensor, *ends)
+        by_reading = np.stack([np.einsum("en,enf->nf", np.stack(of_ends[n]), by_end) for n in self.names])
+        weighted = np.where(self.root_weight > 0.0, self.root_weight, 0.0)[..., None] * by_reading
+        return np.asarray(weighted.reshape(-1, len(free)))
+
+
+def _moved(outline: Outline, by: FloatArray) -> Outline:
+    """Return an outline with its vertices moved (2 V,) [mm]; ContactError where it is none then."""
+    vertices = outline.vertices + by.reshape(-1, 2)
+    lower, upper = outline.indices
+    return Outline(vertices[lower], vertices[upper])
+
+
+def _free(outline: Outline) -> tuple[IntArray, IntArray]:
+    """Return which of `vertices.ravel()` are free (F,), and which of these each is (2 V,); a vertical end has one x."""
+    column = np.arange(outline.vertices.size)
+    lower, upper = outline.indices
+    for end in (0, -1):
+        column[2 * upper[end]] = column[2 * lower[end]]
+    return np.unique(column, return_inverse=True)
+
+
+def fitted_to_wide_strips(
+    fit: Callable[[dict[str, FloatArray]], RunFit],
+    run: RunFit,
+    sensor: Sensor,
+    x_mm: FloatArray,
+    measured: dict[str, FloatArray],
+    fitted: slice,
+    sigma_known: bool,
+) -> tuple[RunFit, dict[str, FloatArray]]:
+    """Return the fit to wide strips, and their readings without what the width adds to those of its outline.
+
+    Parameters
+    ----------
+    fit
+        Fits readings of lines.
+    run
+        What it made of the readings as measured.
+    sensor, x_mm, measured
+        The contact's wide strips, at x_mm (n,), and their readings (n,).
+    fitted
+        Those that `fit` takes.
+    sigma_known
+        Whether sigma is no estimate.
+    """
+    readings = inner = {name: k[fitted] for name, k in measured.items()}
+    for _ in range(_ROUNDS):
+        wide = _of_wide_strips(run, sensor, x_mm, measured, fitted)
+        outline = run.outline if wide is None else wide.outline
+        if outline is None:
+            break
+        thin = remove_width_effect(sensor, outline, x_mm[fitted], inner, corners=True)
+        change = max(float(np.nan_to_num(np.abs(thin[name] - k)).max()) for name, k in readings.items())
+        if wide is None and change < _SAME * run.sigma:
+            break
+        before, readings = run, thin
+        run = fit(thin)
+        if wide is not None and _alike(run, before):
+            if not sigma_known:
+                problem = wide.problem.scaled(run.sigma / wide.sigma)
+                wide = _of_wide_strips(
+                    replace(wide, problem=problem, sigma=run.sigma), sensor, x_mm, measured, fitted
+                )
+            return wide or run, readings
+    return run, readings
+
+
+def _alike(run: RunFit, other: RunFit) -> bool:
+    """Whether both have the same vertices and left out the same readings."""
+    a, b = run.model, other.model
+    if not (isinstance(a, PolygonFit) and isinstance(b, PolygonFit)):
+        return False
+    alike = np.array_equal(a.chain, b.chain) and np.array_equal(a.vertical_ends, b.vertical_ends)
+    return alike and np.array_equal(run.excluded, other.excluded)
+
+
+def _of_wide_strips(
+    run: RunFit, sensor: Sensor, x_mm: FloatArray, measured: Mapping[str, FloatArray], fitted: slice
+) -> RunFit | None:
+    """Return a run whose polygon is the least-squares one on wide strips, near that of the run given.
+
+    None where it has no polygon with an area, or too many vertices, or of one signature would become concave.
+    """
+    if not isinstance(run.model, PolygonFit) or run.selection is None or run.outline is None:
+        return None
+    if run.model.n_vertices > _CORNERS:
+        return None
+    outline, problem, selection = run.outline, run.problem, run.selection
+    known = np.stack([*measured.values()])
+    weight = np.zeros(known.shape)
+    weight[:, fitted] = np.where(np.isfinite(known[:, fitted]), problem.root_weight, 0.0)
+    if sensor.contact_lambda_mm > 0.0:
+        cornered = has_corner(sensor, outline.vertices, x_mm).any(axis=1)
+        closed = _CORNER_ERROR * sensor.strip_width / sensor.length_mm
+        weight[:, cornered] /= np.hypot(1.0, weight[:, cornered] * closed)
+    expected = problem.origin_mm, problem.origin_mm + problem.width_mm
+    task = _Task(sensor, x_mm, tuple(measured), np.nan_to_num(known), weight, expected)
+    try:
+        outline, slopes, place = _with_outer_strips(task, outline, np.isfinite(known), 1.0 / run.sigma)
+    except ContactError:
+        return None
+    if len(known) == 1 and not _convex(outline, sensor):
+        return None
+    jacobian = np.zeros((len(slopes), len(place)))
+    jacobian[:, np.unique(place, return_index=True)[1]] = slopes
+    covariance = covariance_with_x_priors(outline, sensor, jacobian)
+    inner = {name: k[fitted] for name, k in measured.items()}
+    thin = np.stack([*remove_width_effect(sensor, outline, x_mm[fitted], inner, corners=True).values()])
+    problem = replace(problem, k=np.where(weight[:, fitted] > 0.0, thin, problem.k))
+    fit = PolygonFit.of(outline, problem)
+    fit = replace(fit, cost=float((fit.residuals(problem) ** 2).sum()))
+    fits = [fit if number == selection.best else one for number, one in enumerate(selection.fits)]
+    found = replace(run, problem=problem, selection=replace(selection, fits=fits))
+    swept = swept_share(outline.vertices, covariance) if np.isfinite(covariance).all() else math.inf
+    in_mm = replace(ModelInMm.of(fit, problem), covariance=covariance, swept=swept)
+    found.__dict__["model_mm"] = in_mm  # the cached property's place
+    return found
+
+
+def _with_outer_strips(
+    task: _Task, outline: Outline, there: BoolArray, rate: float
+) -> tuple[Outline, FloatArray, IntArray]:
+    """Do as `_descended`, with the readings of the outer strips too where an outline explains them.
+
+    Covered in part, they tell where the contact ends; with contact resistance nothing says what they read.
+    """
+    outer = ~task.used
+    if task.sensor.contact_lambda_mm == 0.0 and outer.any():
+        weight = np.where(there & outer, rate, task.root_weight)
+        wider = replace(task, root_weight=weight)
+        for start in (outline, *_leaning(outline, 0.5 * task.sensor.strip_width)):
+            with contextlib.suppress(ContactError):
+                found = _descended(wider, start)
+                off = wider.off(found[0], wider.read(found[0])[1])[: weight.size].reshape(weight.shape)
+                if np.abs(off[:, outer]).max(initial=0.0) < _EXPLAINED:
+                    return found
+    return _descended(task, outline)
+
+
+def _leaning(outline: Outline, by_mm: float) -> Iterator[Outline]:
+    """Make outlines with one vertical edge the less: one of its vertices moved inwards."""
+    chains = outline.lower, outline.upper
+    for end, sign in ((0, 1.0), (-1, -1.0)):
+        if chains[0][end, 1] == chains[1][end, 1]:
+            continue
+        for side in (0, 1):
+            moved, tip = chains[side].copy(), chains[1 - side][end]
+            moved[end, 0] += sign * by_mm
+            moved = np.insert(moved, len(moved) if end else 0, tip, axis=0)
+            with contextlib.suppress(ContactError):
+                yield Outline(*((chains[0], moved) if side else (moved, chains[1])))
+
+
+def _descended(task: _Task, outline: Outline) -> tuple[Outline, FloatArray, IntArray]:
+    """Return the outline with the least residuals near one, the slopes there, and which coordinate each is."""
+    free, place = _free(outline)
+    prior = np.zeros((2, len(free)))
+    prior[[0, 1], place[2 * outline.indices[0][[0, -1]]]] = task.rate
+    ends, made = task.read(outline)
+    off, damping, tried = task.off(outline, made), _LEAST_DAMPING, 0
+    slopes = task.slopes(outline, free, place, ends)
+    while tried < _STEPS:
+        full = np.concatenate([slopes, prior])
+        matrix, gradient = full.T @ full, full.T @ off
+        scale = np.diag(matrix) + 1e-6 * np.diag(matrix).max()
+        better = False
+        while not better and tried < _STEPS and damping < _MOST_DAMPING:
+            tried += 1
+            step = np.linalg.solve(matrix + damping * np.diag(scale), gradient)
+            try:
+                there = _moved(outline, step[place])
+                ends, made = task.read(there)
+                left = task.off(there, made)
+                better = bool(left @ left < off @ off)
+            except ContactError:
+                better = False
+            if not better:
+                damping *= _HARDER
+        if not better:
+            break
+        gain = float(off @ off - left @ left)
+        outline, off, damping = there, left, damping * _EASIER
+        if gain < _SETTLED:
+            break
+        if gain > _CURVED:  # nearer, slopes are as they were
+            slopes = task.slopes(outline, free, place, ends)
+    return outline, slopes, place
+
+
+def _convex(outline: Outline, sensor: Sensor) -> bool:
+    edge = np.roll(outline.vertices, -1, axis=0) - outline.vertices
+    after = np.roll(edge, -1, axis=0)
+    turn = edge[:, 0] * after[:, 1] - edge[:, 1] * after[:, 0]
+    return bool(turn.min() > -_TURN * sensor.length_mm * sensor.width_mm)
