@@ -1,7 +1,7 @@
 """Whether a confidence is what happens: statuses and confidences of drawn contacts against the truth.
 
 Run: python -m studies.confidence [--signatures one|both] [--assessment thorough|fast] [--cases 330] [--seed 1]
-    [--kinds concave] [--area] [--families]
+    [--kinds concave] [--strips 5 11] [--area] [--families]
 Prints how many `ok` are wrong ("silent"), how many right ones are doubted, what was right of each tenth of confidence,
 and the log odds by `assessment.doubts` that fit these cases best. `--families`: one signature on 12 strips or
 more, as many cases of each of `FAMILIES`, each reported by itself, and the log odds of all of them together: as the
@@ -178,6 +178,7 @@ def main() -> None:
     parser.add_argument("--cases", type=int, default=330)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--kinds", nargs="+", default=CONVEX, choices=KINDS)
+    parser.add_argument("--strips", type=int, nargs=2, default=(12, 1000), help="touched, about: from, to")
     parser.add_argument("--area", action="store_true", help="tell it the area")
     parser.add_argument(
         "--families", action="store_true", help="each of FAMILIES by itself, and all together"
@@ -192,7 +193,7 @@ def main() -> None:
         lines = odds_report(every, [w for w in FAMILIES.values() for _ in range(asked.cases)])
         sys.stdout.write("\n".join(lines) + "\n")
         return
-    drawn = cases(asked.seed, asked.cases, asked.signatures, kinds=asked.kinds)
+    drawn = cases(asked.seed, asked.cases, asked.signatures, asked.strips, kinds=asked.kinds)
     found = [judge(one, asked.assessment, asked.area) for one in drawn]
     sys.stdout.write("\n".join([report(found), *odds_report(found, [1.0] * len(found))]) + "\n")
 

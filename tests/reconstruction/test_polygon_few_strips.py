@@ -54,3 +54,27 @@ def test_an_upright_step_is_uncertain_by_a_pitch_not_without_end() -> None:
     assert found.covariance is not None
     assert np.sqrt(np.diag(found.covariance)[::2]).max() < 2.0 * FEW.pitch_mm
     assert mismatch(step.vertices, found.vertices).iou > 0.9
+
+
+def _turned_oval(radius: float, flat: float, x: float) -> Contact:
+    angle = 2.0 * np.pi * np.arange(120) / 120
+    points = radius * np.column_stack([np.cos(angle), flat * np.sin(angle)])
+    c, s = np.cos(0.5), np.sin(0.5)
+    return Contact.polygon((x, 50.0) + points @ np.array([[c, s], [-s, c]]))
+
+
+@pytest.mark.parametrize("flat", [1.0, 0.6])
+def test_curves_between_six_strips_are_no_faults_and_no_second_object(flat: float) -> None:
+    """No polygon of as many corners as so few readings tell follows a curve: convex l and u explain them all."""
+    sensor = Sensor(construction="crs-crs", strips=20, pitch_mm=5.0, length_mm=100.0, adc_bits=12)
+    noise = Noise(positional=0.001)
+    doubtful = 0
+    for i in range(12):
+        contact = _turned_oval(15.0, flat, 50.0 + 0.4 * i)
+        scan = simulate(sensor, contact, noise, rng=np.random.default_rng(i))
+        (found,) = fit_polygon(scan, sensor, noise, assessment="fast").objects
+        assert mismatch(contact.vertices, found.vertices).iou > 0.9
+        assert "stuck" not in found.advice
+        assert not found.faulty
+        doubtful += found.status not in ("ok", "likely")
+    assert doubtful <= 1

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -12,11 +13,18 @@ from tacstrip.arrays import FloatArray
 from tacstrip.core.convex_chain import convex_regression
 from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.core.problem import FitProblem
+from tacstrip.geometry.metrics import column_iou
+from tacstrip.geometry.outline import Outline
+from tacstrip.reconstruction.contact_ends import closed_ends
+from tacstrip.reconstruction.pieces.run import noise_level
 from tacstrip.reconstruction.polygon.chi_square import squares_score
+from tacstrip.reconstruction.polygon.run import MOST_SIGMA, RunFit
+from tacstrip.sensor.spec import Sensor
 
 _POINTS = 60  # at most, that the regression sees: a mean of a convex function's neighbours is convex too
 _ROUNDS = 3  # of l with u as it is, and u with l
 _HELD = 1e4  # times the largest weight: of an end where l and u meet
+_NEARLY = 0.9  # IoU with convex ends that explain the readings
 _ALARM = 3.09  # deviations of chi square: p = .001
 
 
@@ -84,6 +92,49 @@ def fit_convex(problem: FitProblem, l: FloatArray, u: FloatArray) -> ConvexFit:
     off = found - z
     chi = max(float(np.einsum("ni,nij,nj->", off, m, off)), 0.0)  # rounding may leave it below
     return ConvexFit(x, found.T, chi, max(2 * len(x) - sum(kinks) - 4, 1))
+
+
+def follows_convex(
+    run: RunFit,
+    distribution: str | None,
+    outline: Outline,
+    sensor: Sensor,
+    readings: Mapping[str, FloatArray],
+) -> bool:
+    """Whether an outline hardly differs from convex l and u that explain all readings, also those left out.
+
+    What a corner or a curve between few strips reads passes for an outlier, for a polygon of as many corners as so few
+    readings tell. It is none, nor a second object's, where it is convex with all others. Arguments as of `second_look`.
+    """
+    if len(run.problem.k) == 1 or run.selection is None or (distribution is None and run.sigma > MOST_SIGMA):
+        return False
+    k = np.stack([readings["kh"], readings["kl"]])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ends = np.stack(closed_ends(sensor, *k)) / sensor.length_mm
+    if not np.isfinite(ends).all():  # what one reading alone tells is not compared
+        return False
+    sigma = deviation(run, distribution, sensor, readings)
+    found = fit_convex(replace(run.problem, k=k, weight=np.full(k.shape, 1.0 / sigma**2)), *ends)
+    return found.explains and like(outline, found, run, sensor)
+
+
+def deviation(
+    run: RunFit, distribution: str | None, sensor: Sensor, readings: Mapping[str, FloatArray]
+) -> float:
+    """Return the readings' deviation: as given, or as the fit has it, but no more than neighbours differ by."""
+    return run.sigma if distribution is not None else min(run.sigma, scatter(sensor, readings))
+
+
+def scatter(sensor: Sensor, readings: Mapping[str, FloatArray]) -> float:
+    """Return the deviation [Vref] that neighbouring strips' second differences show."""
+    return noise_level(np.stack([readings["kh"], readings["kl"]]), sensor)
+
+
+def like(outline: Outline, convex: ConvexFit, run: RunFit, sensor: Sensor) -> bool:
+    """Whether an outline hardly differs from convex ends on the strips."""
+    x = convex.x * run.problem.width_mm + run.problem.origin_mm
+    own = np.stack([np.interp(x, *chain.T) / sensor.length_mm for chain in (outline.lower, outline.upper)])
+    return float(column_iou(own, np.sort(convex.ends, axis=0))) >= _NEARLY
 
 
 def inward_corners(fit: PolygonFit) -> tuple[list[float], list[float]]:

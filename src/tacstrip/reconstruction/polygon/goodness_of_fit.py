@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -13,16 +14,15 @@ from tacstrip.core.ellipse import Ellipse
 from tacstrip.core.outline_model import OutlineModel
 from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.core.search import PAST, most_vertices
-from tacstrip.geometry.metrics import column_iou
 from tacstrip.geometry.moments import moments
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.contact_ends import closed_ends, end_deviations
 from tacstrip.reconstruction.noise_covariance import CorrelatedErrors
 from tacstrip.reconstruction.pieces.chain import Cut
 from tacstrip.reconstruction.pieces.pair import Ends, Pair, likeliest_pair
-from tacstrip.reconstruction.pieces.run import RunPieces, noise_level, split_run
+from tacstrip.reconstruction.pieces.run import RunPieces, split_run
 from tacstrip.reconstruction.polygon.chi_square import squares_score
-from tacstrip.reconstruction.polygon.convexity import fit_convex, inward_corners
+from tacstrip.reconstruction.polygon.convexity import deviation, fit_convex, inward_corners, like, scatter
 from tacstrip.reconstruction.polygon.faulty_channel import contradictory, one_end_off
 from tacstrip.reconstruction.polygon.run import MOST_SIGMA, RunFit, residual_sums
 from tacstrip.sensor.spec import Sensor
@@ -38,7 +38,6 @@ _NEAR_CORNER = 2  # strips from an inward corner to where an object may begin or
 # Inward corners far from each other: where two objects begin and end they have two, and what noise adds.
 _EVENTS = 4
 _HIDDEN = 0.55  # of an outline, behind an overhang: more, and the shape is not known
-_NEARLY = 0.9  # IoU with convex ends that explain the readings
 _NOISIER = 3.0  # times the noise given: neighbours that differ by so much are noise, not jumps
 # Of an outermost strip, where just one end jumps: pitches, deviations, and strips at least that tell a jump.
 _SPIKE, _SURE, _LEAST_STRIPS = 2.0, 6.0, 4
@@ -128,11 +127,13 @@ def second_look(
     sensor: Sensor,
     wrong: str,
     readings: Mapping[str, FloatArray],
+    convex: bool,
 ) -> tuple[str, Pair | None]:
     """Return advice, or none, on an outline of two signatures, of which `wrong` was said, and two objects it may be.
 
     Two signatures tell l and u of every strip. Where convex ones explain them that the outline hardly differs from, it
-    is curved, and no polygon need explain it. Where none do, it is concave, or there are several objects.
+    is curved, and no polygon need explain it (`convex`: so `follows_convex` says). Where none do, it is concave, or
+    there are several objects.
     """
     selection = run.selection
     if len(run.problem.k) == 1 or selection is None:
@@ -140,19 +141,19 @@ def second_look(
     problem, fit = run.problem, selection.chosen
     told = run.model_mm.inward
     inward = any(inward_corners(fit)) if told is None else told
+    sigma = deviation(run, distribution, sensor, readings)
+    if convex:
+        return "", _pair_at_the_ends(
+            replace(run, excluded=np.zeros_like(run.excluded)), sensor, readings, sigma
+        )
     if one_end_off(run, sensor, readings):
         wrong = wrong or (
             "what was left out may be of a second object, or of an overhang: one end of the contact goes on there as "
             "on the other strips; if a channel is faulty, leave it out by name (--without)"
         )
         return wrong, None
-    sigma = run.sigma
-    if distribution is None or wrong:
-        level = noise_level(np.stack([readings["kh"], readings["kl"]]), sensor)
-        if distribution is None:
-            sigma = min(sigma, level)
-        elif level > _NOISIER * sigma:
-            return wrong, None  # of readings that scatter more than the noise given, jumps tell nothing
+    if wrong and distribution is not None and scatter(sensor, readings) > _NOISIER * sigma:
+        return wrong, None  # of readings that scatter more than the noise given, jumps tell nothing
     open_ = np.count_nonzero(run.excluded & ~contradictory(run, sensor, readings))
     unlike = wrong or open_ or inward or sigma < _SMOOTHED * run.sigma
     if not unlike or (distribution is None and run.sigma > MOST_SIGMA):
@@ -162,12 +163,8 @@ def second_look(
     pieces = _pieces_of(run, sensor, readings, sigma)
     apart = pieces.apart
     ends = fit.ends(problem.x)
-    if not apart and (convex := fit_convex(problem, *ends)).explains:
-        x = convex.x * problem.width_mm + problem.origin_mm
-        own = np.stack(
-            [np.interp(x, *chain.T) / sensor.length_mm for chain in (outline.lower, outline.upper)]
-        )
-        if column_iou(own, np.sort(convex.ends, axis=0)) < _NEARLY and wrong:
+    if not apart and (nearest := fit_convex(problem, *ends)).explains:
+        if wrong and not like(outline, nearest, run, sensor):
             return wrong, None
         return "", _pair_at_the_ends(run, sensor, readings, sigma)
     if wrong:

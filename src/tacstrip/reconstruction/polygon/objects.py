@@ -24,6 +24,7 @@ from tacstrip.reconstruction.noise_covariance import (
     correlated,
     signature_advice,
 )
+from tacstrip.reconstruction.polygon.convexity import follows_convex
 from tacstrip.reconstruction.polygon.faulty_channel import contradictory
 from tacstrip.reconstruction.polygon.goodness_of_fit import explains, misfit, second_look, weakness
 from tacstrip.reconstruction.polygon.lone_fault import at_a_rail, beyond_outline
@@ -130,7 +131,7 @@ def reconstruct_object(
         Mean and standard deviation of the contact's area, where that is known.
     """
     strips, run = contact.strips, contact.run
-    notes = _notes(scan, sensor, contact, around, noise is not None, np.zeros_like(run.excluded))
+    notes = _notes(scan, sensor, contact, around, noise is not None)
     x = sensor.x_mm[strips]
     if run.selection is None:
         few = f"{strips.stop - strips.start} strips are touched, too few for a polygon: use finer strips"
@@ -166,7 +167,10 @@ def reconstruct_object(
     if errors is not None and guarantee is None:
         slopes = _by_slopes(model, run, sensor, covariance)
     wrong = misfit(run, distribution, slopes, errors) or (_EMPTY if empty else _MANY if many else "")
-    wrong, pair = second_look(run, distribution, outline, sensor, wrong, contact.readings)
+    convex = bool(wrong or np.count_nonzero(run.excluded)) and follows_convex(
+        run, distribution, outline, sensor, contact.readings
+    )
+    wrong, pair = second_look(run, distribution, outline, sensor, wrong, contact.readings, convex)
     beyond = beyond_outline(run, contact.readings)
     railed = beyond & at_a_rail(run, contact.readings) if beyond.any() else beyond
     assessed = assess(
@@ -225,7 +229,9 @@ def reconstruct_object(
             right = pair.overlap(outline.vertices) >= PROMISED_IOU
             wrong, note = _two_objects(pair.probability, right, sure)
     faulty = np.zeros_like(run.excluded)
-    if (
+    if convex:
+        notes = _notes(scan, sensor, contact, around, noise is not None, convex=True)
+    elif (
         not wrong and (faulty := contradictory(run, sensor, contact.readings) | railed).any()
     ):  # else it may be the outline
         notes = _notes(scan, sensor, contact, around, noise is not None, faulty)
@@ -483,10 +489,19 @@ def _raw_profile(scan: Scan, sensor: Sensor, strips: slice) -> Profile | None:
 
 
 def _notes(
-    scan: Scan, sensor: Sensor, contact: FittedContact, around: int, known: bool, faulty: BoolArray
+    scan: Scan,
+    sensor: Sensor,
+    contact: FittedContact,
+    around: int,
+    known: bool,
+    faulty: BoolArray | None = None,
+    convex: bool = False,
 ) -> list[str]:
-    """Name the strips that were bridged, and the readings (S, n) that were left out, some as of `faulty` channels."""
-    notes, base = [], sensor.strip_base
+    """Name the strips that were bridged, and the readings (S, n) that were left out, some as of `faulty` channels.
+
+    `convex`: whether none contradicts the others, for convex ends explain them all.
+    """
+    notes, base, out = [], sensor.strip_base, contact.run.excluded
 
     def listed(which: BoolArray) -> str:
         names = []
@@ -501,12 +516,17 @@ def _notes(
         if missing := [i % around for i in contact.missing if not named[i % around]]:
             names = _list([str(i + base) for i in missing])
             notes.append(f"strip {names} reads nothing inside the contact and was bridged: is it broken?")
-    if np.count_nonzero(faulty):
+    if faulty is not None and np.count_nonzero(faulty):
+        out = out & ~faulty
         notes.append(
             f"strip {listed(faulty)} does not fit its neighbours and was left out: no contact that the others agree on "
             "reads so, but a faulty channel does; press elsewhere and run the doctor"
         )
-    if np.count_nonzero(open_ := contact.run.excluded & ~faulty):
+    if np.count_nonzero(out) and convex:
+        notes.append(
+            f"the outline passes by strip {listed(out)}: there it may have one more corner, or a curve"
+        )
+    elif np.count_nonzero(out):
         others = [
             "a corner, for strips so few? Call the channel stuck only if other scans do, too."
             if not contact.run.checked
@@ -515,7 +535,7 @@ def _notes(
         ]
         guessed = "".join(f" Or is that {other}" for other in others if other)
         notes.append(
-            f"strip {listed(open_)} does not fit its neighbours and was left out: is a channel stuck?{guessed}"
+            f"strip {listed(out)} does not fit its neighbours and was left out: is a channel stuck?{guessed}"
         )
     return notes
 
