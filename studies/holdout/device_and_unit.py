@@ -10,7 +10,7 @@ from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from typing import Any
 
-from studies.holdout import calibration_set, device_set, doctor_set
+from studies.holdout import calibration_set, device_set, device_wire, doctor_set
 from studies.holdout.score import FINAL
 
 Row = dict[str, Any]
@@ -19,6 +19,7 @@ SETS: dict[str, tuple[Callable[[int, int], Row], Callable[[list[Row]], list[str]
     "calibration": (calibration_set.score, calibration_set.table, 12),
     "wrong": (calibration_set.score_wrong, calibration_set.table_wrong, 25),
     "device": (device_set.score, device_set.table, len(device_set.TROUBLES)),
+    "wire": (device_wire.score, device_set.table, len(device_wire.TROUBLES)),
 }
 
 

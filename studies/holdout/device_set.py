@@ -23,6 +23,7 @@ import tacstrip as ts
 _VERSION, _RATE, _STRIPS, _BITS = 1, 100.0, 10, 12
 _SECONDS = 4.5  # of a case
 _MARKS = 6  # strips whose k_h carries three bits each of the scan's own number
+SPAN = 1800  # us: from the first strip to the last
 _AT = 1.5  # s: when what happens once happens
 
 
@@ -166,7 +167,7 @@ class Device:
         touched[n:] = self.touched_padding
         codes = [kh, kl] if self.construction == "crs-crs" else [kh]
         body = (
-            struct.pack("<HBBI", n, 3 if len(codes) == 2 else 4, self.bits, 1800)
+            struct.pack("<HBBI", n, 3 if len(codes) == 2 else 4, self.bits, SPAN)
             + np.packbits(touched, bitorder="little").tobytes()
         )
         body += b"".join(c.astype("<u2").tobytes() for c in codes)
@@ -219,14 +220,15 @@ class Trouble:
     seconds: float = 0.0  # how long it needs, where that is longer
 
 
-_CLOCK = r"clock|time"
+CLOCK = r"clock|time"
 
 
-def _clock(change: Callable[[float], float], says: str = _CLOCK, onset: float = 0.0) -> Trouble:
+def _clock(change: Callable[[float], float], says: str = CLOCK, onset: float = 0.0) -> Trouble:
     return Trouble(says, make=lambda random: Device(clock=change), onset=onset)
 
 
-def _every(n: int, change: Callable[[Device], bytes]) -> Callable[[Device, int, float], bytes]:
+def every(n: int, change: Callable[[Device], bytes]) -> Callable[[Device, int, float], bytes]:
+    """Return a step that sends what `change` makes in place of every n-th scan."""
     return lambda d, number, t: change(d) if number % n == n - 1 else d.scan()
 
 
@@ -241,7 +243,9 @@ def _restart(d: Device, t: float, hello: bool, streaming: bool) -> None:
         d.put(d.hello())
 
 
-def _once(do: Callable[[Device, float], None]) -> Callable[[Device, int, float], bytes | None]:
+def once(do: Callable[[Device, float], None]) -> Callable[[Device, int, float], bytes | None]:
+    """Return a step that does something once, at 1.5 s."""
+
     def step(d: Device, number: int, t: float) -> bytes | None:
         if t > _AT and not d.turned:
             d.turned = True
@@ -352,80 +356,78 @@ class _Random:
         return float(self.random.uniform(0.0, 4294.0))
 
 
-_RESTART = r"restart|reset|anew"
-_ANOTHER = r"another (unit|device|sensor)|right-hand|unit"
+RESTART = r"restart|reset|anew"
+ANOTHER = r"another (unit|device|sensor)|right-hand|unit"
 TROUBLES: dict[str, Trouble] = {
     "sound": Trouble(),
     "restart, hello lost, waits for START": Trouble(
-        _RESTART, onset=_AT, step=_once(lambda d, t: _restart(d, t, False, False))
+        RESTART, onset=_AT, step=once(lambda d, t: _restart(d, t, False, False))
     ),
     "restart, hello lost, goes on": Trouble(
-        _RESTART, onset=_AT, step=_once(lambda d, t: _restart(d, t, False, True))
+        RESTART, onset=_AT, step=once(lambda d, t: _restart(d, t, False, True))
     ),
-    "restart with a hello": Trouble(
-        _RESTART, onset=_AT, step=_once(lambda d, t: _restart(d, t, True, False))
-    ),
+    "restart with a hello": Trouble(RESTART, onset=_AT, step=once(lambda d, t: _restart(d, t, True, False))),
     "another unit, hello lost": Trouble(
-        _ANOTHER, True, onset=_AT, step=_once(_become(False, unit="right-hand"))
+        ANOTHER, True, onset=_AT, step=once(_become(False, unit="right-hand"))
     ),
     "another unit, with a hello": Trouble(
-        _ANOTHER, True, onset=_AT, step=_once(_become(True, unit="right-hand"))
+        ANOTHER, True, onset=_AT, step=once(_become(True, unit="right-hand"))
     ),
     "another number of strips": Trouble(
-        "another|strips", True, onset=_AT, step=_once(_become(False, "right-hand", more=2))
+        "another|strips", True, onset=_AT, step=once(_become(False, "right-hand", more=2))
     ),
     "another unit, does not identify itself": Trouble(
         "identif|hello|another|restart|anew",
         True,
         onset=_AT,
-        step=_once(_become(False, unit="right-hand", answers=False)),
+        step=once(_become(False, unit="right-hand", answers=False)),
     ),
     "clock stands": _clock(lambda t: 1.0 + min(t, 1.0), onset=1.0),
     "clock at half speed": _clock(lambda t: 1.0 + 0.5 * t),
     "clock at double speed": _clock(lambda t: 1.0 + 2.0 * t),
-    "clock at random": Trouble(_CLOCK, make=lambda random: Device(clock=_Random())),
+    "clock at random": Trouble(CLOCK, make=lambda random: Device(clock=_Random())),
     "clock jumps back": _clock(lambda t: 100.0 + t - 7.0 * (t > 1.7), onset=1.7),
     "clock leaps ahead": _clock(lambda t: 1.0 + t + 60.0 * (t > 1.7), onset=1.7),
     "clock wraps at 2^31": _clock(lambda t: (2147.483648 - 1.7 + t) % 2147.483648, onset=1.7),
     "clock runs backwards": _clock(lambda t: 1000.0 - t),
     "clock wraps at 2^32": _clock(lambda t: 4294.967296 - 1.7 + t, ""),
     "clock jitters by 2 ms": _clock(lambda t: 1.0 + t + 0.002 * np.sin(300.0 * t), ""),
-    "scans twice": Trouble("twice|duplicate|repeat|old|before", counted=True, step=_every(7, _twice)),
-    "frames cut": Trouble("corrupt|lost|cut", counted=True, step=_every(9, _cut)),
-    "frames corrupted": Trouble("corrupt|lost", counted=True, step=_every(9, _damaged)),
-    "frames out of order": Trouble("order|old|before|late", counted=True, step=_every(9, _turned)),
-    "numbers missing": Trouble("lost|missing", counted=True, step=_every(9, _skipped)),
-    "garbage between frames": Trouble("corrupt|lost", counted=True, step=_every(5, _garbage(False))),
-    "garbage with zeros": Trouble("corrupt|lost", counted=True, step=_every(5, _garbage(True))),
+    "scans twice": Trouble("twice|duplicate|repeat|old|before", counted=True, step=every(7, _twice)),
+    "frames cut": Trouble("corrupt|lost|cut", counted=True, step=every(9, _cut)),
+    "frames corrupted": Trouble("corrupt|lost", counted=True, step=every(9, _damaged)),
+    "frames out of order": Trouble("order|old|before|late", counted=True, step=every(9, _turned)),
+    "numbers missing": Trouble("lost|missing", counted=True, step=every(9, _skipped)),
+    "garbage between frames": Trouble("corrupt|lost", counted=True, step=every(5, _garbage(False))),
+    "garbage with zeros": Trouble("corrupt|lost", counted=True, step=every(5, _garbage(True))),
     "codes beyond the converter": Trouble(
         "code|range|converter|corrupt|invalid",
         counted=True,
-        step=_every(9, lambda d: d.scan(count=False, over=True)),
+        step=every(9, lambda d: d.scan(count=False, over=True)),
     ),
     "padding bits set": Trouble(make=lambda random: Device(touched_padding=1)),
-    "hello unasked": Trouble(step=_every(60, lambda d: d.hello() + d.scan())),
-    "hello unasked, in a flood": Trouble(step=_every(2, lambda d: d.hello() + d.scan())),
+    "hello unasked": Trouble(step=every(60, lambda d: d.hello() + d.scan())),
+    "hello unasked, in a flood": Trouble(step=every(2, lambda d: d.hello() + d.scan())),
     "silence for two seconds": Trouble("silen|no scan|nothing|stop|quiet|wait", onset=1.0, step=_silent),
     "stops without a reset": Trouble("silen|no scan|nothing|stop|again|restart", onset=_AT, step=_stopped),
     "flood": Trouble(step=_flood),
     "bursts": Trouble(step=_burst),
     "byte by byte": Trouble(step=_bytewise),
     "number wraps at 2^32": Trouble(make=lambda random: Device(sequence=2**32 - 150)),
-    "unknown kinds and a later version": Trouble("version|kind", counted=True, step=_every(5, _strange)),
-    "replies unasked": Trouble(step=_every(5, _reply)),
+    "unknown kinds and a later version": Trouble("version|kind", counted=True, step=every(5, _strange)),
+    "replies unasked": Trouble(step=every(5, _reply)),
     "a hundred strips": Trouble(make=lambda random: Device(strips=100, bits=16)),
     "stale bytes before the hello": Trouble(before=lambda d: d.random.bytes(300) + d.hello()),
     "unplugged and plugged in": Trouble(
-        "unplug|gone|again|lost|disconnect|restart", onset=_AT, step=_once(_replug)
+        "unplug|gone|again|lost|disconnect|restart", onset=_AT, step=once(_replug)
     ),
     "another unit plugged in": Trouble(
-        _ANOTHER, True, onset=_AT, step=_once(lambda d, t: _replug(d, t, "right-hand"))
+        ANOTHER, True, onset=_AT, step=once(lambda d, t: _replug(d, t, "right-hand"))
     ),
     "another unit, with escapes in its name": Trouble(
-        _ANOTHER, True, onset=_AT, step=_once(_become(True, unit="\x1b[31mred"))
+        ANOTHER, True, onset=_AT, step=once(_become(True, unit="\x1b[31mred"))
     ),
     "clock 3 % fast": Trouble(
-        _CLOCK, make=lambda random: Device(clock=lambda t: 1.0 + 1.03 * t), seconds=110.0
+        CLOCK, make=lambda random: Device(clock=lambda t: 1.0 + 1.03 * t), seconds=110.0
     ),
     "never answers": Trouble(
         "answer|nothing|hello|identif", True, make=lambda random: Device(answers=False), before=lambda d: b""
@@ -461,15 +463,18 @@ def _run(device: Device, trouble: Trouble, quiet: threading.Event, stop: threadi
     device.unplug()
 
 
-def score(seed: int, number: int) -> dict[str, Any]:
+def score(seed: int, number: int, troubles: dict[str, Trouble] | None = None) -> dict[str, Any]:
     """Record one misbehaving device."""
-    kind = list(TROUBLES)[number % len(TROUBLES)]
-    trouble, random = TROUBLES[kind], np.random.default_rng([14, 4, seed, number])
+    troubles = troubles or TROUBLES
+    kind = list(troubles)[number % len(troubles)]
+    trouble, random = troubles[kind], np.random.default_rng([14, 4, seed, number])
     device = trouble.make(random)
     device.random = random
     if device.strips == _STRIPS:  # any sensor
         device.construction = str(random.choice(["crs-crs", "crs-m"]))
         device.strips, device.bits = int(random.integers(9, 25)), int(random.choice([10, 12, 16]))
+        if "beyond the converter" in kind:  # two bytes hold nothing beyond 16 bits
+            device.bits = min(device.bits, 12)
         device.rate = _RATE if kind == "flood" else random.uniform(40.0, 250.0)
     device.own = device.unit, device.strips
     method = "profile" if device.construction == "crs-crs" else "vertex"  # the quickest: recordings count

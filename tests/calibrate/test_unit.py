@@ -121,6 +121,7 @@ EMBEDDED: dict[str, tuple[int, dict[str, float], dict[str, list[float]]]] = {
         0, {"lambda": 0.006}, OFFSET | {"ends 0": [0.01, 0.03, 0.02], "ends 1": [0.02, 0.0, -0.01]}
     ),
     "offset+lambda": (0, {"lambda": 0.006}, OFFSET),
+    "offset+lambda+load": (0, {"lambda": 0.006, "load": 0.004}, OFFSET),
     "offset+fade": (0, {"fade": 0.12}, OFFSET),
     "offset+gain+fade+ratio+lambda": (
         0, {"ratio": -0.2, "lambda": 0.01, "fade": 0.2}, OFFSET | {"gain kh": [0.02] * 3, "gain kl": [-0.02] * 3},
@@ -134,6 +135,24 @@ EMBEDDED: dict[str, tuple[int, dict[str, float], dict[str, list[float]]]] = {
         {f"curve {s} {i}": [0.01 * i, 0.03 - 0.01 * i, -0.01 * (i % 2)] for s in ("kh", "kl") for i in range(5)},
     ),
 }  # fmt: skip
+
+
+def test_inputs_that_draw_are_found_and_told() -> None:
+    """Points lose more than the strips' resistance explains; what the rest loses is corrected."""
+    model = Model(frozenset({"offset", "gain", "ratio", "lambda", "load", "points"}))
+    places = [(l, w) for w in (0.0, 50.0, 100.0) for l in (15.0, 80.0, 170.0)]
+    own = [[0.01, 0.02, 0.0], [0.02, 0.01, 0.01], [0.0] * 3, [0.01, 0.0, 0.0]]
+    true = Constants(model, CRS.signatures, np.array([0.05, 0.006, 0.005, 0.004]), np.array(own).T)
+    runs = runs_of(CRS, places, predict(true, CRS, *grids(CRS, places)), 0.0005, 3)
+    done = ts.calibrate_unit(CRS, runs)
+    found = {p.name: p for p in done.parameters if p.strip is None}
+    assert done.status == "ok"
+    for name, value in (("input load", 0.005), ("drop on contacts without length", 0.004)):
+        assert abs(found[name].value - value) < 3.0 * found[name].sigma < 0.3 * value
+    assert done.accuracy_percent > 0.3
+    assert "k_l of contacts without length read up to" in done.advice
+    assert done.sensor.calibration is not None
+    assert done.sensor.calibration.load == found["input load"].value
 
 
 @pytest.mark.parametrize("name", EMBEDDED)
@@ -274,10 +293,12 @@ def test_a_single_place_gives_offsets_and_says_so() -> None:
     [
         ("offsets", CRS, "model part 'offsets' does not exist; choose one of: auto, mean, offset, gain"),
         ("offset+gian", CRS, "model part 'gian' does not exist; choose one of: auto, mean, offset, gain, fade, "
-         "ratio, ratios, lambda, ends, warp8, curve8"),
+         "ratio, ratios, lambda, load, points, ends, warp8, curve8"),
         ("offset+curve4", CRS, "these parts do not go together"),
         ("ratio+ratios", CRS, "these parts do not go together"),
         ("fade", CRS, "a fade needs an offset"),
+        ("offset+gain+load", METAL, "ratios need k_h and k_l; a load too"),
+        ("offset+points", CRS, "points need a load"),
         ("offset+ratio", METAL, "ratio and ratios are for two layers of rubber"),
         ("offset8", CRS, "only a warp or a curve has pieces"),
         ("warp1+offset", CRS, "2 to 64 of them"),

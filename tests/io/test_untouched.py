@@ -134,6 +134,14 @@ def test_a_wrong_rest_level_is_told_too() -> None:
     assert not rest_hint(right, apply_calibration(right, k))
 
 
+def test_one_slip_among_presses_is_no_rest_level() -> None:
+    random, sensor = np.random.default_rng(5), _sensor("crs-m", 8)
+    l_mm = np.repeat([[20.0], [60.0], [100.0], [40.0], [80.0], [30.0]], 8, axis=1)
+    k = ts.signatures(sensor, l_mm, l_mm)["k"] + 0.001 * random.normal(size=l_mm.shape)
+    k[2, 4] -= 0.2
+    assert not rest_hint(sensor, {"k": k}, pressed=True)
+
+
 @pytest.fixture(scope="module", params=[0.3, None], ids=["untouched strips read", "healthy"])
 def files(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, bool]:
     """Give a folder with readings, a recording and runs, and whether the hint must come."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import struct
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import islice
@@ -311,6 +312,34 @@ def test_two_units_on_one_line_are_named(clock: Clock, tmp_path: Path) -> None:
         recorded(BothAnswer(clock, also_sends), tmp_path)
 
 
+class BehindAnOldHello(Rogue):
+    """A unit whose first answer comes behind, or is lost but for, an old hello of another, left in the adapter."""
+
+    def __init__(self, clock: Clock, lost: bool) -> None:
+        super().__init__(clock, name=b"right")
+        self.lost = lost
+
+    def write(self, data: bytes) -> None:
+        first = 0x81 not in self.commands
+        super().write(data)
+        if first:
+            self.out = self.hello(name=b"left") + (b"" if self.lost else self.out)
+
+
+@pytest.mark.parametrize("lost", [False, True])
+def test_another_unit_behind_an_old_hello_is_not_recorded(clock: Clock, tmp_path: Path, lost: bool) -> None:
+    with pytest.raises(ts.PortError, match="'left'"):
+        recorded(BehindAnOldHello(clock, lost), tmp_path)
+    assert not (tmp_path / "a.mcap").exists() or not len(list(ts.Recording(tmp_path / "a.mcap")))
+
+
+def test_a_test_that_nobody_asked_for_is_told(clock: Clock, tmp_path: Path) -> None:
+    tested = frame(4, 7, 0, struct.pack("<HHI", STRIPS, 5000, 0) + bytes(STRIPS))
+    which, _, said = recorded(Rogue(clock, every(40, lambda d, i, data: [tested, data])), tmp_path)
+    assert which == list(range(SCANS))
+    assert said == ["the device tells of a test that was not asked for"]
+
+
 def test_scans_that_the_device_began_too_late_are_told_by_its_count(clock: Clock, tmp_path: Path) -> None:
     def stalls(device: Rogue, i: int, data: bytes) -> list[bytes]:
         if i % 40 == 39:
@@ -335,7 +364,7 @@ def test_after_a_gap_the_same_unit_goes_on(clock: Clock, tmp_path: Path) -> None
     which, scans, said = recorded(device, tmp_path)
     assert which == [i for i in range(which[-1] + 1) if i % 60 not in range(30, 50)]
     assert (np.diff([r.time_s for r in scans]) > 0.0).all()
-    assert device.commands.count(0x81) == 1 + (which[-1] + 10) // 60
+    assert device.commands.count(0x81) == 2 + (which[-1] + 10) // 60  # two before the first scan
     assert all("missing" in text for text in said)
 
 

@@ -104,6 +104,8 @@ def assess(sensor: Sensor, calibrated: Sensor, runs: Runs, fit: ModelFit | None 
         Where there was one, its constants are checked.
     """
     off = np.stack(list(residuals(calibrated, runs).values()))
+    if fit is not None and fit.constants.model.has("points"):  # of which the correction knows nothing
+        off = fit.residual
     row = np.where(usable_rows(runs), np.sqrt(np.mean(off**2, axis=0)), np.nan)
     repeats = repeat_noise(runs)
     noise = max(_PROFILE_I if repeats is None else repeats, reading_sigma(Noise(), sensor))

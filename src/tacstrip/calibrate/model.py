@@ -12,6 +12,7 @@ from tacstrip.arrays import FloatArray
 from tacstrip.sensor.calibration import Calibration
 from tacstrip.sensor.channel import Channel, fading, piecewise_map
 from tacstrip.sensor.closed_form import k_h, k_l, transfer_length
+from tacstrip.sensor.input_load import MOST_LOAD, lost_to_load
 from tacstrip.sensor.resistance import electrical_ends
 from tacstrip.sensor.spec import Sensor
 
@@ -48,6 +49,8 @@ PARTS = {
     "ratio": Part("the ratio of resistivities, one for all strips", 0.5, 0.2, _DIFFERENT),
     "ratios": Part("each strip's own ratio of resistivities", 0.5, 0.2, f"{_DIFFERENT} on every strip", True),
     "lambda": Part("contact resistance", 0.05, 0.01, _DIFFERENT),
+    "load": Part("what the converter's inputs draw", 0.005, 0.002, f"{_DIFFERENT} along every strip"),
+    "points": Part("what they take from contacts without length", 0.01, 0.002, "press contacts without length too"),
     "ends": Part(
         "resistances at both ends of every strip, clamps and leads", 0.05, 0.02,
         f"{_DIFFERENT} along every strip", True,
@@ -64,6 +67,7 @@ _LEAST_RATIO, _MOST_RATIO = 1e-3, 1e3
 _LEAST_FADE, _MOST_FADE = 0.01, 0.5
 _LEAST_GAIN = 0.5
 _ANY = (-1.0, 1.0)  # of Vref or L: no reading and no place is further off
+_NO_LENGTH = 1e-3  # of L: shorter contacts have none
 _MOST_END = 0.2  # of a strip's resistance
 _CORRELATED = 0.2  # of L: resistivities of places so far apart correlate with 1 / e
 
@@ -94,7 +98,11 @@ class Model:
     def shared(self) -> tuple[str, ...]:
         """Names of the parameters that all strips share."""
         ratio = self.has("ratio") or self.has("ratios")  # strips' own ratios are drawn about the shared one
-        return tuple(p for p in ("ratio", "lambda", "fade") if self.has(p) or (p == "ratio" and ratio))
+        return tuple(
+            p
+            for p in ("ratio", "lambda", "load", "points", "fade")
+            if self.has(p) or (p == "ratio" and ratio)
+        )
 
     @cache  # noqa: B019 - a handful of models, asked for in every step of a fit
     def own(self, signatures: tuple[str, ...]) -> tuple[str, ...]:
@@ -115,7 +123,7 @@ class Constants:
     Attributes
     ----------
     shared
-        By name: log ratio and lambda / L against the spec's, fade.
+        By name: log ratio and lambda / L against the spec's, load, points, fade.
     own
         By name, (strips,): offsets, gain - 1, log of a strip's ratio over the spec's, resistances at its ends over its
         own, a warp's or a curve's knots less the straight line.
@@ -207,6 +215,8 @@ def within_bounds(constants: Constants) -> Constants:
         "ratio": (np.log(_LEAST_RATIO), np.log(_MOST_RATIO)),
         "ratios": (np.log(_LEAST_RATIO), np.log(_MOST_RATIO)),
         "lambda": (0.0, 1.0),
+        "load": (0.0, MOST_LOAD),
+        "points": (0.0, 1.0),
         "fade": (min(max(_LEAST_FADE, least), _MOST_FADE), _MOST_FADE),
         "gain": (_LEAST_GAIN - 1.0, 1.0),
         "ends": (-_MOST_END, _MOST_END),
@@ -237,9 +247,14 @@ def predict(
         low, high = (v / length for v in electrical_ends(touching, l_mm, l_mm + w_mm)[:2])
     if model.has("warp") or model.has("ends"):
         low, high = (piecewise_map(v, constants.warp_at, constants.warp) for v in (low, high))
-    found = {}
-    for name in constants.signatures:
-        k = (k_h if name == "kh" else k_l)(low, high - low, 1.0, ratio)
+    found = {
+        name: (k_h if name == "kh" else k_l)(low, high - low, 1.0, ratio) for name in constants.signatures
+    }
+    if model.has("load"):
+        drop = np.where(w_mm < _NO_LENGTH * length, constants.value("points"), 0.0)
+        less = lost_to_load(low, high - low, ratio, constants.value("load"), drop)
+        found = {name: found[name] - lost for name, lost in zip(("kh", "kl"), less, strict=True)}
+    for name, k in found.items():
         if model.has("curve"):
             found[name] = piecewise_map(k, model.knots, constants.curve(name))
         else:
@@ -277,6 +292,7 @@ def apply(constants: Constants, sensor: Sensor) -> Sensor:
         ratio=tuple(np.exp(ratios - np.mean(ratios))) if model.has("ratios") else (),
         warp_at=tuple(constants.warp_at) if warped else (),
         warp=_rows(constants.warp) if warped else (),
+        load=float(constants.value("load")),
         model=model.name,
         sensor=sensor.fingerprint,
     )

@@ -234,7 +234,7 @@ def parse_model(text: str, sensor: Sensor, signatures: tuple[str, ...]) -> Model
         raise OptionError(
             f"model {text!r}: these parts do not go together on this sensor. A curve stands in place of offset, gain, "
             "fade and warp; ratio and ratios are for two layers of rubber, one of them, and ratios need k_h and k_l; "
-            "a fade needs an offset"
+            "a load too, and points need a load; a fade needs an offset"
         )
     return model
 
@@ -244,11 +244,14 @@ def _consistent(model: Model) -> bool:
     has = model.has
     twice = has("curve") and any(has(p) for p in ("offset", "gain", "fade", "warp", "ends"))
     twice |= has("ratio") and has("ratios")
-    return not twice and (has("offset") or not has("fade")) and bool(model.parts)
+    alone = (has("fade") and not has("offset")) or (has("points") and not has("load"))
+    return not twice and not alone and bool(model.parts)
 
 
 def _applicable(model: Model, sensor: Sensor, signatures: tuple[str, ...]) -> bool:
     """Whether the model suits the sensor's construction and the signatures that were read."""
+    if model.has("load") and len(signatures) < 2:
+        return False
     if not (model.has("ratio") or model.has("ratios")):
         return True
     return "resistivity_ratio" in sensor.kind.keys and (model.has("ratio") or len(signatures) == 2)
@@ -259,6 +262,7 @@ def _larger(model: Model, sensor: Sensor, runs: Runs) -> list[Model]:
     parts = model.parts
     pair = len(runs.signatures) == 2  # one signature cannot tell a resistance at an end from offset and gain
     found = [replace(model, parts=parts | {p}) for p in ("fade", *["ends"] * pair) if p not in parts]
+    found += [replace(model, parts=parts | p) for p in ({"load"}, {"load", "points"}) if pair]
     found.append(replace(model, parts=parts - {"ratio"} | {"ratios"}))
     if not model.pieces:
         found.append(Model(parts | {"warp"}, _WARP))

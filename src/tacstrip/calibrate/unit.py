@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,7 +30,9 @@ _SIGMAS, _ONE_SIDE = 2.0, 1.64  # that hold 95 %: of an error about 0, of one ab
 _MOST = 0.95  # of the readings
 
 
-def accuracy_percent(sensor: Sensor, calibrated: Sensor, fit: ModelFit) -> float:
+def accuracy_percent(
+    sensor: Sensor, calibrated: Sensor, fit: ModelFit, others: Sequence[ModelFit] = ()
+) -> float:
     """Return what 95 % of corrected readings of other contacts keep, with 95 % [% of Vref].
 
     The readings' own noise is not counted. To the parameters' deviations comes what the correction leaves were they
@@ -41,16 +44,23 @@ def accuracy_percent(sensor: Sensor, calibrated: Sensor, fit: ModelFit) -> float
         Without and with the fit's constants.
     fit
         Its covariance counts.
+    others
+        Fits of other models: how far their readings lie from these counts as far as the evidence does not rule them
+        out (Hoeting et al. 1999, Bayesian model averaging).
     """
     l, w = (np.broadcast_to(v[:, None], (len(v), sensor.strips)) for v in _contacts(sensor.length_mm))
     constants = fit.constants
     raw = predict(constants, sensor, l, w)
-    others = Runs(l, w, raw, line=np.zeros(l.shape, int), rest={})
-    bias = np.abs(np.stack(list(residuals(calibrated, others).values())))  # (signatures, contacts, strips)
+    pressed = Runs(l, w, raw, line=np.zeros(l.shape, int), rest={})
+    bias = np.abs(np.stack(list(residuals(calibrated, pressed).values())))  # (signatures, contacts, strips)
     # Own before shared parameters, as in the covariance.
     by = np.roll(jacobian(sensor, constants, l, w), -len(constants.shared), axis=-1)
     gain = np.stack([np.broadcast_to(1.0 + constants.value(f"gain {s}"), sensor.strips) for s in raw])
     variance = np.einsum("scnp,npq,scnq->scn", by, fit.covariance, by)
+    share = np.exp([min(f.evidence - fit.evidence, 0.0) for f in others])
+    for f, weight in zip(others, share / (1.0 + share.sum()), strict=True):
+        other = np.stack(list(predict(f.constants, sensor, l, w).values()))
+        variance += weight * np.nan_to_num(other - np.stack(list(raw.values()))) ** 2
     sigma = np.sqrt(np.maximum(variance, 0.0)) / gain[:, None, :]
     off = np.maximum(_SIGMAS * sigma, bias + _ONE_SIDE * sigma)
     read = np.stack([(v > 0.0) & (v < 1.0) for v in raw.values()]) & (fit.weight > 0.0).any(axis=0)
@@ -67,6 +77,8 @@ def _contacts(length_mm: float) -> tuple[FloatArray, FloatArray]:
 
 _ACCURATE = 0.3  # % of Vref: a calibration that leaves more says so
 _SCALED = 0.05  # a gain that all strips share: converters and clamps make a tenth of it
+_DROPS = 0.001  # of k_h + k_l: half the accuracy at most
+DROP = "drop on contacts without length"
 _CHANGED = 0.5  # % of Vref: a unit in use stays within, but for its drift
 
 
@@ -194,6 +206,13 @@ class Calibrated:
         if not self.accuracy_percent > _ACCURATE:
             return ""
         cure = "press more places, or the same ones again, and measure them more exactly"
+        drop = max((p.value for p in self.parameters if p.name == DROP), default=0.0)
+        if drop > _DROPS:
+            cure = (
+                "the converter's inputs draw a current, which the resistance of a short contact passes badly: k_h and "
+                f"k_l of contacts without length read up to {200.0 * drop:.2g} % of Vref too low. Buffer "
+                "the inputs, or choose a converter that draws less"
+            )
         if len(self.after) == 1 and "warp" in self.model:
             cure = "the rubber is uneven, and one signature cannot correct that for long contacts"
         return f"other corrected readings are right to +-{self.accuracy_percent:.2g} % of Vref (95 %) only: {cure}"
@@ -286,8 +305,14 @@ def calibrate_unit(
     with_means = replace(plain, calibration=mean_offsets(plain, halves))
     fit: ModelFit | None = None
     trials: tuple[Trial, ...] = ()
+    others: list[ModelFit] = []
     if model == "auto":
         fit, trials = select_model(plain, runs, search)
+        others = [
+            f
+            for f in search.tried.values()
+            if isinstance(f, ModelFit) and f.constants.model != fit.constants.model
+        ]
     elif model != "mean":
         fit = fit_named(model, plain, runs)
     done = with_means if fit is None else apply(_with_halves(fit.constants, plain, halves, out), plain)
@@ -321,7 +346,7 @@ def calibrate_unit(
         goodness=replace(assess(plain, done, runs, fit), spoilt=spoilt(runs, fit)),
         accuracy_percent=np.nan
         if fit is None
-        else accuracy_percent(plain, replace(done, converter=None), fit),
+        else accuracy_percent(plain, replace(done, converter=None), fit, others),
         changed=_changed(sensor, runs),
     )
 
@@ -417,6 +442,8 @@ def _physical(
     at = int(rest[-1]) / pieces if part in ("warp", "curve") else 0.0
     words, base, scale, unit = {
         "lambda": ("contact lambda", 0.0, done.length_mm, "mm"),
+        "load": ("input load", 0.0, 1.0, "of a strip's resistance over the input's"),
+        "points": (DROP, 0.0, 1.0, "of k_h + k_l"),
         "fade": ("fade", 0.0, 1.0, "Vref"),
         "gain": (name, 1.0, 1.0, ""),
         "offset": (name, 0.0, done.vref_volt, "V"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from tacstrip.sensor.rest_level import rest_hint
 from tacstrip.sensor.spec import Sensor
 
 _MOST_LINES = 20
+_MANY = 60  # presses: a plan of more says why
 
 
 @click.command()
@@ -78,9 +80,19 @@ def command(
     if planned:
         chosen = "" if model == "auto" else model
         noise = Noise(positional=design["noise"] / 100.0)
-        made = plan(spec, design["wanted"], noise, chosen, design["unit_mm"],
-                    uneven=design["uneven"], place_mm=design["place_mm"])  # fmt: skip
+        planned_for = partial(
+            plan, spec, design["wanted"], noise, chosen, design["unit_mm"], uneven=design["uneven"]
+        )
+        made = planned_for(place_mm=design["place_mm"])
         _show_plan(made, spec, design["wanted"], design["place_mm"])
+        if made.count > _MANY:
+            finer_mm = design["place_mm"] / 5.0
+            if (fewer := planned_for(place_mm=finer_mm).count) < made.count / 2:
+                note(
+                    f"So many because an error of {design['place_mm']:g} mm is "
+                    f"{100.0 * design['place_mm'] / spec.length_mm:.2g} % of a strip: {fewer} do where places are "
+                    f"exact to {finer_mm:g} mm (--place-mm)"
+                )
         if output is not None:
             places = [
                 (s, l, w) for l, w, times in made.contacts for _ in range(times) for s in range(spec.strips)
@@ -103,7 +115,7 @@ def command(
     if data is not None:
         runs = read_runs(data, spec, unit, force)
         warn(half_read(data, spec, runs.signatures), unfinished(data))
-        warn(rest_hint(spec, runs.raw), file=data)
+        warn(rest_hint(spec, runs.raw, pressed=True), file=data)
         if model == "auto":
             note("Comparing models; this may take some seconds")
         result = calibrate_unit(spec, runs, model=model, unit=unit, force=force)
@@ -153,14 +165,15 @@ def _check_options(planned: bool, zeroed: bool, data: bool) -> None:
 
 
 def _show_plan(made: Plan, spec: Sensor, wanted: float, place_mm: float) -> None:
-    click.echo(
-        f"Contacts across all strips, from l over w, for a model {made.model}:\n     l [mm]    w [mm]  times"
-    )
+    tube = spec.kind.cylindrical
+    across = "Rings round the tube" if tube else "Contacts across all strips"
+    click.echo(f"{across}, from l over w, for a model {made.model}:\n     l [mm]    w [mm]  times")
     for l, w, times in made.contacts:
         click.echo(f"{l:11.4g}{w:10.4g}{times:7d}")
     if made.slanted_mm:
+        thin = "a thread wound round it as a helix" if tube else "a thin one, slanted"
         click.echo(
-            f"and a thin one, slanted: from l = {made.slanted_mm[0]:.4g} on the first strip to "
+            f"and {thin}: from l = {made.slanted_mm[0]:.4g} on the first strip to "
             f"{made.slanted_mm[-1]:.4g} on the last, which shows exchanged strips; fill in where it lies"
         )
     click.echo(

@@ -16,6 +16,7 @@ from tacstrip.errors import SignatureError, SpecError, one_of
 from tacstrip.sensor.channel import Channel, Numbers, Table, check_rising, numbers, piecewise_map, table
 from tacstrip.sensor.closed_form import k_h, k_l, lower_and_width
 from tacstrip.sensor.constructions import SIGNATURES
+from tacstrip.sensor.input_load import MOST_LOAD, lost_to_load, without_load
 
 _TEXTS = ("made", "source", "model", "sensor", "unit", "zeroed", "touch")
 _PERCENTS = ("before_percent", "after_percent")
@@ -38,6 +39,8 @@ class Calibration:
     warp_at, warp
         Places along y over L, from 0 to 1 (knots,), and the share of each strip's resistance that lies below them
         (strips, knots): rubber that is not uniform. From about 0, the clamp's share, to about 1.
+    load
+        The energised strips' mean resistance over that of a channel's input to ground, of k_h and k_l.
     made, source, model, sensor, unit
         When it was fitted, from which file, what was fitted, the sensor's fingerprint, the unit's name.
     before_percent, after_percent
@@ -65,6 +68,7 @@ class Calibration:
     ratio: Numbers = ()
     warp_at: Numbers = ()
     warp: Table = ()
+    load: float = 0.0
     made: str = ""
     source: str = ""
     model: str = ""
@@ -87,6 +91,9 @@ class Calibration:
             object.__setattr__(self, name, numbers(name, getattr(self, name)))
         object.__setattr__(self, "warp", table("warp", self.warp))
         object.__setattr__(self, "channels", tuple(self.channels))
+        object.__setattr__(self, "load", numbers("load", [self.load])[0])
+        if not 0.0 <= self.load <= MOST_LOAD:
+            raise SpecError(f"load: must be 0 to {MOST_LOAD:g}, a strip's resistance over that of the input")
         if any(r <= 0.0 for r in self.ratio):
             raise SpecError("ratio: every ratio must be above 0")
         check_rising("warp", self.warp_at, self.warp)
@@ -127,7 +134,7 @@ class Calibration:
         FloatArray
             Of the same shape, clipped to 0..1; NaN stays NaN. A strip's own scale along y is taken as for contacts
             of `TYPICAL_LENGTHS`, a mean over them (k), or as for one without length (k_h or k_l alone), and its own
-            ratio is left out: `correct_pair` has both exactly.
+            ratio and the inputs' load are left out: `correct_pair` has all exactly.
         """
         k = self.channel(signature).correct(np.asarray(k, dtype=float))
         if self.warp:
@@ -154,6 +161,7 @@ class Calibration:
         given = (("kh", kh), ("kl", kl))
         high, low = (self.channel(name).correct(np.asarray(k, dtype=float)) for name, k in given)
         own = ratio * np.array(self.ratio or 1.0)
+        high, low = without_load(high, low, own, self.load)
         high, low = self._swap(high, low, own, ratio, self.warp, self.warp_at)
         return np.clip(high, 0.0, 1.0), np.clip(low, 0.0, 1.0)
 
@@ -162,7 +170,11 @@ class Calibration:
     ) -> tuple[FloatArray, FloatArray]:
         """Return the raw k_h and k_l that `correct_pair` turns into these."""
         high, low = np.asarray(kh, dtype=float), np.asarray(kl, dtype=float)
-        read = self._swap(high, low, ratio, ratio * np.array(self.ratio or 1.0), self.warp_at, self.warp)
+        own: Any = ratio * np.array(self.ratio or 1.0)
+        read = self._swap(high, low, ratio, own, self.warp_at, self.warp)
+        if self.load:
+            less = lost_to_load(*lower_and_width(*read, 1.0, own), own, self.load)
+            read = read[0] - less[0], read[1] - less[1]
         channels = (self.channel(name) for name in ("kh", "kl"))
         high, low = (np.clip(c.distort(k), 0.0, 1.0) for c, k in zip(channels, read, strict=True))
         return high, low
@@ -197,6 +209,10 @@ class Calibration:
                     f"calibration.{channel.signature}: this sensor has only {', '.join(signatures)}"
                 )
             lists |= {f"{channel.signature}.{name}": values for name, values in channel.lists.items()}
+        if self.load and "kh" not in signatures:
+            raise SpecError(
+                "calibration.load: only k_h and k_l together tell what an input's load takes from them"
+            )
         if self.ratio and "kh" not in signatures:
             raise SpecError("calibration.ratio: only a second layer of rubber has a ratio")
         for name, values in lists.items():
@@ -223,7 +239,7 @@ class Calibration:
     def to_toml(self) -> str:
         """Return the `[calibration]` table's text; `from_dict` of it is this calibration, to the last bit."""
         parts = ["[calibration] # made by `tacstrip calibrate`; readings are over Vref, a number per strip"]
-        parts += _lines(self, [f.name for f in fields(self)][1:])
+        parts += _lines(self, [f.name for f in fields(self)[1:] if f.name != "load" or self.load])
         for channel in self.channels:
             parts += ["", f"[calibration.{channel.signature}]"]
             parts += _lines(channel, [f.name for f in fields(channel)][1:])

@@ -26,7 +26,9 @@ _MOST_SCANS = 400  # of longer recordings, scans evenly spread are looked at
 _EVERY = "every strip has a reading, so every strip counts as touched"
 
 
-def rest_hint(sensor: Sensor, raw: Mapping[str, FloatArray], failed: bool = False) -> str:
+def rest_hint(
+    sensor: Sensor, raw: Mapping[str, FloatArray], failed: bool = False, pressed: bool = False
+) -> str:
     """Say that untouched strips have readings and what to write into the spec; nothing where all seems well.
 
     Parameters
@@ -37,6 +39,9 @@ def rest_hint(sensor: Sensor, raw: Mapping[str, FloatArray], failed: bool = Fals
         Raw readings over Vref by signature, (strips,) or (scans, strips), NaN where nothing touches.
     failed
         Whether no good shape came of them: then it is said, with an if, wherever all strips of all scans have readings.
+    pressed
+        Whether each scan is a press that was meant for all strips: where they read alike they were reached, and a
+        single row in which they do not is a slip.
     """
     values = np.stack([np.atleast_2d(v) for v in raw.values()], axis=1)  # (scans, signatures, strips)
     whole = np.isfinite(values).all(axis=(1, 2))
@@ -45,7 +50,7 @@ def rest_hint(sensor: Sensor, raw: Mapping[str, FloatArray], failed: bool = Fals
     looked = values[whole][np.linspace(0, whole.sum() - 1, min(whole.sum(), _MOST_SCANS)).astype(int)]
     found = [_resting(scan) for scan in looked]
     sure = [f for f in found if f is not None and f.level is not None]
-    decisive = [f for f in found if f is not None]
+    decisive = found if pressed else [f for f in found if f is not None]
     if sure and len(sure) >= _SHARE * len(decisive):
         levels = np.array([f.level for f in sure])
         middle = float(np.median(levels))

@@ -50,9 +50,11 @@ def handshake(port: Port, decoder: Decoder, wait_s: float, cancelled: Callable[[
             port.write(Command(Kind.IDENTIFY).encode())
         data = port.read(_READ_S)
         n_bytes += len(data)
-        for message in decoder.feed(data):
-            if isinstance(message, Hello):
-                return message
+        hellos = [message for message in decoder.feed(data) if isinstance(message, Hello)]
+        for hello in hellos:
+            check_alone(hello, hellos[0], 0.0)
+        if hellos:
+            return hellos[-1]
     counts = decoder.counts
     if not n_bytes:
         reason = "nothing came: is the firmware on it, and is this its port?"

@@ -26,7 +26,7 @@ from tacstrip.stream.device.handshake import (
 from tacstrip.stream.device.port import Port
 from tacstrip.stream.device.protocol.decoder import Counts, Decoder
 from tacstrip.stream.device.protocol.frames import Kind
-from tacstrip.stream.device.protocol.messages import Command, Hello, Reply
+from tacstrip.stream.device.protocol.messages import Command, Hello, Reply, SelfTest
 from tacstrip.stream.device.protocol.order import MAX_AHEAD
 from tacstrip.stream.device.protocol.scans import ScanBatch
 from tacstrip.stream.device.troubles import Troubles
@@ -201,6 +201,7 @@ class SerialSource:
         self._check_supply(self.hello, self._host())
         self._start()
         self._held = None
+        self._hold_scans()  # the hello of the handshake may have waited on the line, of a unit that is gone
         self._run, self._due = self._decoder.counts.restarts, None
         patience_s = max(_SILENT_S, 4.0 * self._period_s)
         prompt_s = min(max(_PROMPT_S[0], self._period_s / 5.0), _PROMPT_S[1])
@@ -227,6 +228,8 @@ class SerialSource:
             for message in received:
                 if isinstance(message, Reply):
                     self._troubles.check_reply(message, now_s)
+                if isinstance(message, SelfTest):
+                    self._troubles.say("test", "the device tells of a test that was not asked for", now_s)
                 if isinstance(message, Command):
                     self._troubles.say("echo", "commands come back on the line: is an echo on?", now_s)
                 if isinstance(message, Hello):

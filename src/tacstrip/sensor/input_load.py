@@ -1,0 +1,60 @@
+"""What k_h and k_l lose to converter inputs that draw current, and back: the network of one contact, in closed form.
+
+A contact joins the energised strip to the sensing strip between two nodes, its ends. From each node a piece of the
+sensing strip leads to a channel, and the channel's input leads to ground. All resistances are over the energised
+strip's own; `load` is that strip's over the input's, .002 for 20 kohm read by 10 Mohm.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from tacstrip.arrays import FloatArray
+from tacstrip.sensor.closed_form import lower_and_width, sensing_share
+
+MOST_LOAD = 0.05  # above it readings are no longer nearly those of a contact
+_STEPS = 5  # each leaves less than twice `load` of the error before it
+
+
+def lost_to_load(
+    l: FloatArray, w: FloatArray, ratio: Any, load: float, drop: float | FloatArray = 0.0
+) -> tuple[FloatArray, FloatArray]:
+    """Return what k_h and k_l lose, over Vref, where both inputs draw; NaN stays NaN.
+
+    Parameters
+    ----------
+    l, w
+        Electrical lower end and length of the contact over L, any shapes that broadcast; what lies beyond the strip
+        is cut off.
+    ratio
+        Resistivity of the sensing strip over that of the energised one; above 0.
+    load
+        The energised strip's resistance over an input's.
+    drop
+        `load` times the contact's own resistance, which both currents cross: (1 + ratio) lambda / sinh(w / lambda)
+        over L, nothing for contacts longer than lambda. Broadcasts with l.
+    """
+    below = np.clip(l, 0.0, 1.0)
+    over = np.clip(w, 0.0, 1.0 - below)
+    above, over = 1.0 - below - over, sensing_share(ratio) * over
+    whole = below + over + above
+    high, low = (below + over) / whole, below / whole
+    # The resistances that the two inputs see, times the load: k = ideal - (...) k for both at once.
+    both = load * below * above / whole + drop
+    of_high = load * ((below + over) * above / whole + ratio * above) + drop
+    of_low = load * (below * (over + above) / whole + ratio * below) + drop
+    root = (1.0 + of_high) * (1.0 + of_low) - both**2
+    return high - ((1.0 + of_low) * high - both * low) / root, low - (
+        (1.0 + of_high) * low - both * high
+    ) / root
+
+
+def without_load(kh: FloatArray, kl: FloatArray, ratio: Any, load: float) -> tuple[FloatArray, FloatArray]:
+    """Return k_h and k_l, not clipped, as inputs that draw nothing would read them."""
+    high, low = kh, kl
+    for _ in range(_STEPS if load else 0):
+        of_high, of_low = lost_to_load(*lower_and_width(high, low, 1.0, ratio), ratio, load)
+        high, low = kh + of_high, kl + of_low
+    return high, low
