@@ -22,7 +22,7 @@ def lost(work: WorkingCopy) -> tuple[list[Finding], list[Question]]:
     """Find strips that read no contact for a stretch, while one contact moves over them and over both neighbours.
 
     One object has no gap there, and a gap between two stays between them: it moves with the contact's middle. What a
-    found strip lacks is marked in the working copy as touched, without a reading.
+    strip lacks then is marked in the working copy as touched, without a reading.
 
     Parameters
     ----------
@@ -32,13 +32,14 @@ def lost(work: WorkingCopy) -> tuple[list[Finding], list[Question]]:
     Returns
     -------
     findings, questions
-        The latter where the contact hardly moves across meanwhile, as two objects side by side do.
+        The latter where the contact hardly moves across meanwhile, as two objects side by side do; beside its rim
+        neither.
     """
     over = _should_read(work)
     there = work.there.copy()  # strays last for one scan
     there[1:-1] &= there[2:] | there[:-2]
     left, right = strips_beside(work.there), strips_beside(work.there[:, ::-1])[:, ::-1]
-    found: list[tuple[int, slice, BoolArray, bool]] = []
+    found: list[tuple[int, slice, BoolArray, bool, bool]] = []
     for strip in np.flatnonzero((over & ~there).sum(axis=0) >= _FEWEST).tolist():
         stretch = _longest_silence(over[:, strip], there[:, strip])
         inside = np.zeros(len(over), dtype=bool)
@@ -51,11 +52,12 @@ def lost(work: WorkingCopy) -> tuple[list[Finding], list[Question]]:
         low, high = np.quantile((right - left)[gap, strip], [_STRAY, 1.0 - _STRAY])
         amid = float(np.mean(np.minimum(left, right)[gap, strip] >= _AMID)) > 1.0 - _STRAY
         moved = bool(high - low >= _ACROSS)
-        if moved or (amid and min(int(gap.sum()), good) >= _MANY):
-            found.append((strip, stretch, gap, moved))
+        often = min(int(gap.sum()), good) >= _MANY
+        if moved or often:
+            found.append((strip, stretch, gap, moved, amid))
     findings: list[Finding] = []
     asked: list[Question] = []
-    for strip, stretch, gap, moved in found if len(found) <= _MOST else []:
+    for strip, stretch, gap, moved, amid in found if len(found) <= _MOST else []:
         begin, end = float(work.time_s[stretch.start]), float(work.time_s[stretch.stop - 1])
         until = f"to {end:.4g} s" if stretch.stop < len(gap) else "on to the end"
         evidence = (
@@ -66,7 +68,7 @@ def lost(work: WorkingCopy) -> tuple[list[Finding], list[Question]]:
         if moved:
             numbers = {"scans": float(gap.sum()), "from_s": begin, "to_s": end}
             findings.append(Finding("intermittent", (number,), evidence, numbers))
-        else:
+        elif amid:
             asked.append(Question((number,), ("intermittent",), evidence))
         work.there[gap, strip] = True
     return findings, asked
