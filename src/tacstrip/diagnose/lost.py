@@ -7,11 +7,12 @@ import numpy as np
 from tacstrip.arrays import BoolArray
 from tacstrip.diagnose.faults import Finding, Question
 from tacstrip.diagnose.neighbour_prediction import WorkingCopy, strips_beside
+from tacstrip.diagnose.regression import passes
 
 _FEWEST = 8  # scans across the strip, in the stretch and outside
 _ONE_CONTACT = 0.2  # over Vref: neighbours under one contact do not differ by more
 _FAR_FROM_REST, _BENT = 2.5, 0.04  # times what counts as touched, and over Vref what a contact bends there
-_AMID, _MANY = 2, 20  # strips on either side, and scans, for a question
+_AMID, _MANY, _VISITS = 2, 20, 3  # strips on either side, scans, and times that a contact came: a question
 _ACROSS = 3  # strips, twice what the contact's middle moves across, but for strays:
 _STRAY = 0.1  # of the scans, at either side
 _SOUND = 0.2  # of the scans across the strip outside the stretch: a gap between objects is not of one stretch
@@ -52,7 +53,7 @@ def lost(work: WorkingCopy) -> tuple[list[Finding], list[Question]]:
         low, high = np.quantile((right - left)[gap, strip], [_STRAY, 1.0 - _STRAY])
         amid = float(np.mean(np.minimum(left, right)[gap, strip] >= _AMID)) > 1.0 - _STRAY
         moved = bool(high - low >= _ACROSS)
-        often = min(int(gap.sum()), good) >= _MANY
+        often = min(int(gap.sum()), good) >= _MANY and passes(np.flatnonzero(gap)) >= _VISITS
         if moved or often:
             found.append((strip, stretch, gap, moved, amid))
     findings: list[Finding] = []
