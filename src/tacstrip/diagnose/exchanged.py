@@ -76,7 +76,7 @@ def swapped_wires(work: WorkingCopy) -> Iterator[Suspect]:
         if then > now and at.any():  # one channel alone is off, by its neighbours' prediction
             continue
         below, predicted = float(mean[strip]), (e_h - e_l)[at, strip]
-        spread = _spread_of_offsets(np.delete(offsets, range(max(strip - 1, 0), strip + 2), axis=1))
+        spread = _spread_of_offsets(offsets[:, np.abs(np.arange(work.strips) - strip) > 1])
         doubt = spread if inside[at, strip].any() else _BEYOND * spread
         told = _sign_reversed(difference[at, strip], predicted, below, (least, doubt), work.sigma)
         if told is None:

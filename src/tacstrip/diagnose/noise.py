@@ -31,6 +31,7 @@ _NOISIER = 3.2  # times the median strip
 _NOISIER_WHITE, _LEAST_WHITE = 2.5, 0.5 * PROFILE_I / math.sqrt(3.0)
 _AGREE = 0.75  # of the largest estimate from orders 2 to 4: motion shows less in each, noise alike
 _ALONE, _LOUD = 2.0, 2  # times the next strip: motion makes several look noisy; strips that may be noisy
+_QUIETER = 3  # strips besides these, where motion may be in all
 _SPILL = 0.7  # of a neighbour's noise: a strip with less may only show its neighbour's
 _WHITE = 0.6  # of the estimate from first differences: for noise it is the same, for motion larger
 _SLOW = 2.0  # times sigma: faster motion shows in third differences too
@@ -99,6 +100,8 @@ def excess_noise(noise: NoiseEstimate) -> Iterator[Finding]:
     times = np.where(noise.white, _NOISIER_WHITE, _NOISIER)
     floor = np.where(noise.white, _LEAST_WHITE, PROFILE_I / math.sqrt(3.0))
     limit = np.maximum(np.maximum(times * noise.sigma, next_loud), floor)
+    if not noise.steady and len(others) < _QUIETER:
+        limit[:] = np.inf
     padded = np.pad(noise.strips, 1, constant_values=np.nan)
     loudest = np.fmax(padded[:-2], padded[2:])
     least = np.pad(noise.least, 1, constant_values=np.nan)
