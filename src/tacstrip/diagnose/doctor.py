@@ -160,7 +160,7 @@ def working_sigma(noise: NoiseEstimate) -> float:
 def _comes_and_goes(work: WorkingCopy) -> tuple[list[Finding], list[Question]]:
     """Return strips that are gone for a stretch, and those that drop out; each strip once."""
     gone, unsure = lost(work)
-    named = {i for f in (*gone, *unsure) for i in f.strips}
+    named = {i for f in gone for i in f.strips} | {i for q in unsure for i in q.strips}
     loose, asked = intermittent(work)
     loose = [f for f in loose if not named & set(f.strips)]
     return [*gone, *loose], [*unsure, *(q for q in asked if not named & set(q.strips))]
