@@ -16,7 +16,7 @@ from scipy import sparse
 from scipy.linalg import cho_factor, cho_solve
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
-from tacstrip.diagnose.neighbour_prediction import WorkingCopy
+from tacstrip.diagnose.neighbour_prediction import WorkingCopy, strips_beside
 from tacstrip.robust import robust_sigma
 
 _SIDES = ((0, 1.0), (-1, -0.5), (1, -0.5))  # strips of a bend, and their weights
@@ -242,7 +242,9 @@ def _in_contact(work: WorkingCopy) -> list[FloatArray]:
     Between these, each signature's slope and mean over the contact, which turn and move with it.
     """
     there, across = work.there, np.arange(work.strips)
-    left, right = _to_rim(there), _to_rim(there[:, ::-1])[:, ::-1]
+    left, right = (
+        np.where(there, v, 0.0) for v in (strips_beside(there), strips_beside(there[:, ::-1])[:, ::-1])
+    )
     out = [left, right]
     for one in work.k.values():
         weight = (there & np.isfinite(one)).astype(float)
@@ -257,11 +259,3 @@ def _in_contact(work: WorkingCopy) -> list[FloatArray]:
     wide = np.where(there, np.maximum(np.nan_to_num(work.pair[0] - work.pair[1]), 0.0), 0.0)
     middle = (wide @ across) / np.maximum(wide.sum(axis=1), 1e-6)
     return [*out, across - middle[:, None]]
-
-
-def _to_rim(there: BoolArray) -> FloatArray:
-    """Return how many strips that are touched lie to the left of each without a gap (places, strips)."""
-    out = np.zeros(there.shape)
-    for i in range(1, there.shape[1]):
-        out[:, i] = np.where(there[:, i] & there[:, i - 1], out[:, i - 1] + 1.0, 0.0)
-    return out

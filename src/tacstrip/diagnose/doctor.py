@@ -16,6 +16,7 @@ from tacstrip.diagnose.faults import Finding, Question, Report
 from tacstrip.diagnose.hum import hum
 from tacstrip.diagnose.intermittent import intermittent
 from tacstrip.diagnose.log import Log
+from tacstrip.diagnose.lost import lost
 from tacstrip.diagnose.neighbour_prediction import (
     Suspect,
     WorkingCopy,
@@ -91,7 +92,7 @@ def diagnose(log: Log) -> Report:
         work.k[name] = np.where(out, np.nan, values / factor)
     # Strips that nothing touches count as touched:
     at_rest = rest_hint(log.sensor, _touched_readings(part))
-    loose, doubted = intermittent(work) if geometric and not pressed and not at_rest else ([], [])
+    loose, doubted = _comes_and_goes(work) if geometric and not pressed and not at_rest else ([], [])
     rows = places(work)
     tests = () if pressed else _TESTS if geometric else (never_touched, swapped_wires)
     named = _remove_dominant(rows, tests if not ceiling else [t for t in tests if t is not clipped])
@@ -154,6 +155,15 @@ def working_sigma(noise: NoiseEstimate) -> float:
     """Return the standard deviation of a reading over Vref that tests count on."""
     sigma = max(noise.sigma if np.isfinite(noise.sigma) else 0.0, _LEAST_SIGMA)
     return sigma if noise.steady else min(sigma, _MOST_SIGMA)  # motion, for the most part
+
+
+def _comes_and_goes(work: WorkingCopy) -> tuple[list[Finding], list[Question]]:
+    """Return strips that are gone for a stretch, and those that drop out; each strip once."""
+    gone, unsure = lost(work)
+    named = {i for f in gone for i in f.strips} | {i for q in unsure for i in q.strips}
+    loose, asked = intermittent(work)
+    loose = [f for f in loose if not named & set(f.strips)]
+    return [*gone, *loose], [*unsure, *(q for q in asked if not named & set(q.strips))]
 
 
 def _questions(rows: WorkingCopy, known: set[int], moving: Sequence[Question]) -> tuple[Question, ...]:

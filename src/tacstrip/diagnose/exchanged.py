@@ -27,6 +27,7 @@ _TURNS, _FALLS = 0.8, 0.5  # negative correlation of k_h - k_l with its predicti
 _ODDS = (
     5.0  # logarithm of the odds of the two offsets that a strip would have, with its wires exchanged and not
 )
+_PERHAPS, _SURELY = 3.0, 5.0  # deviations of a unit's offsets, for a question and for a finding
 _BEYOND = 2.0  # times the deviation, of a prediction that is extrapolated
 _STRIPS, _SURE = 4, 5.0  # on so many strips offsets differ; standard errors of their mean
 _SHARE = 0.8  # of the places with a clear difference
@@ -58,7 +59,7 @@ def swapped_wires(work: WorkingCopy) -> Iterator[Suspect]:
     crossed = np.abs(work.pair[1] - e_h) + np.abs(work.pair[0] - e_l)
     exchanged = np.flatnonzero(clear & often).tolist()
     least = _OFFSETS if work.sensor.calibration is None else 2.0 * _CROSSED
-    spread = _spread_of_offsets(difference - e_h + e_l)
+    offsets = difference - e_h + e_l
     inside = predict_from_neighbours(work.pair[0], work.there)[1]
     touched = known > 0
     if len(exchanged) > max(2, 0.6 * np.count_nonzero(touched)) and _all_below(mean[touched], least):
@@ -75,6 +76,7 @@ def swapped_wires(work: WorkingCopy) -> Iterator[Suspect]:
         if then > now and at.any():  # one channel alone is off, by its neighbours' prediction
             continue
         below, predicted = float(mean[strip]), (e_h - e_l)[at, strip]
+        spread = _spread_of_offsets(offsets[:, np.abs(np.arange(work.strips) - strip) > 1])
         doubt = spread if inside[at, strip].any() else _BEYOND * spread
         told = _sign_reversed(difference[at, strip], predicted, below, (least, doubt), work.sigma)
         if told is None:
@@ -143,10 +145,12 @@ def _sign_reversed(
     if not len(predicted):
         return True if mean < -least else None
     level = float(predicted.mean())
-    below = -2.0 * mean > least and mean - level < -least and -mean > level / 2.0
+    least_asked, least = min(_PERHAPS * spread, least), min(_SURELY * spread, least)
+    below = -2.0 * mean > least_asked and mean - level < -least_asked and -mean > level / 2.0
     grows = float(np.std(predicted))
     as_is, exchanged = mean - level, mean + level  # the offset that the strip has
     weighed = (as_is**2 - exchanged**2) / (2.0 * spread**2) > _ODDS
+    weighed &= -2.0 * mean > least and as_is < -least
     if len(predicted) < _FEW or grows < 3.0 * sigma or not np.ptp(difference):
         return weighed if below else None
     along = float(np.corrcoef(predicted, difference)[0, 1])
@@ -158,13 +162,18 @@ def _sign_reversed(
 
 
 def _spread_of_offsets(off: FloatArray) -> float:
-    """Return the deviation of strips' offsets over Vref, from k_h - k_l less its prediction (places, strips)."""
+    """Return the deviation of strips' offsets over Vref, from k_h - k_l less its prediction (places, strips).
+
+    Of strips away from the one in doubt, which spoils its neighbours' predictions.
+    """
     known = np.isfinite(off)
     enough = known.sum(axis=0) >= min(_FEW, len(off))
-    if enough.sum() < 2 * _STRIPS:
+    many = int(enough.sum())
+    if many < _STRIPS:
         return _OWN_OFFSETS[1]
     each = np.nanmedian(off[:, enough], axis=0)
-    return float(np.clip(robust_sigma(each - np.median(each)), *_OWN_OFFSETS))
+    # Of few strips a deviation is hardly known.
+    return float(np.clip((1.0 + _STRIPS / many) * robust_sigma(each - np.median(each)), *_OWN_OFFSETS))
 
 
 def _swap_wires(work: WorkingCopy, strip: int) -> None:

@@ -195,6 +195,14 @@ def neighbour_residuals(work: WorkingCopy, name: str) -> tuple[FloatArray, Float
     return work._residuals[name]
 
 
+def strips_beside(there: BoolArray) -> FloatArray:
+    """Return how many strips that are touched lie to the left of each without a gap (rows, strips)."""
+    out = np.zeros(there.shape)
+    for i in range(1, there.shape[1]):
+        out[:, i] = np.where(there[:, i - 1], out[:, i - 1] + 1.0, 0.0)
+    return out
+
+
 def _side(
     values: FloatArray, there: BoolArray, step: int
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from tacstrip.arrays import FloatArray, IntArray
+from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.contact.noise import Noise
 from tacstrip.diagnose.faults import Finding, Quality
 from tacstrip.diagnose.log import Log
@@ -27,7 +27,11 @@ _TOGETHER = (
     0.6  # correlation of neighbours' differences: a contact that is elsewhere in every scan moves them all
 )
 _NOISIER = 3.2  # times the median strip
+# The same, and the least standard deviation over Vref, of strips whose differences of every order tell one noise.
+_NOISIER_WHITE, _LEAST_WHITE = 2.5, 0.5 * PROFILE_I / math.sqrt(3.0)
+_AGREE = 0.75  # of the largest estimate from orders 2 to 4: motion shows less in each, noise alike
 _ALONE, _LOUD = 2.0, 2  # times the next strip: motion makes several look noisy; strips that may be noisy
+_QUIETER = 3  # strips besides these, where motion may be in all
 _SPILL = 0.7  # of a neighbour's noise: a strip with less may only show its neighbour's
 _WHITE = 0.6  # of the estimate from first differences: for noise it is the same, for motion larger
 _SLOW = 2.0  # times sigma: faster motion shows in third differences too
@@ -49,17 +53,21 @@ class NoiseEstimate:
         Whether the scan rate was high enough to separate noise from motion.
     least
         Of each strip, the least estimate from differences of any order (strips,): noise is the same in all.
+    white
+        Of which strips differences of every order tell the same (strips,): no motion is in them.
     """
 
     sigma: float
     strips: FloatArray
     steady: bool
     least: FloatArray
+    white: BoolArray
 
 
 def measure(log: Log) -> NoiseEstimate:
     """Measure the noise of touched strips, and of untouched ones that have readings."""
     strips, least = (np.full(log.sensor.strips, np.nan) for _ in range(2))
+    white = np.ones(log.sensor.strips, dtype=bool)
     pooled: list[FloatArray] = []
     first_order: list[float] = []
     # How often each strip was put down on or left before: no difference spans that.
@@ -68,6 +76,7 @@ def measure(log: Log) -> NoiseEstimate:
         values = _off_rails(raw)
         relative = values - predict_from_neighbours(values, np.isfinite(values))[0]
         here, other = (_least_deviation(values, relative, since, orders) for orders in (_THIRD, _OTHERS))
+        white &= _one_noise(values, relative, since)
         strips = np.fmax(strips, here)
         least = np.fmax(least, np.minimum(here, other))
         pooled.append(here)
@@ -75,20 +84,24 @@ def measure(log: Log) -> NoiseEstimate:
     known = np.concatenate(pooled)
     known = known[np.isfinite(known)]
     if not len(known):
-        return NoiseEstimate(_sigma_across_strips(log), strips, False, least)
+        return NoiseEstimate(_sigma_across_strips(log), strips, False, least, white)
     sigma = float(np.median(known))
     rough = float(np.nanmedian(first_order)) if np.isfinite(first_order).any() else math.inf
     steady = sigma > _WHITE * rough and _speed(log) < _SLOW * sigma
     if sigma > _EXCESS:
         steady = steady and _apart(log, since)
-    return NoiseEstimate(sigma, strips, steady, least)
+    return NoiseEstimate(sigma, strips, steady, least, white)
 
 
 def excess_noise(noise: NoiseEstimate) -> Iterator[Finding]:
     """Find strips much noisier than the others, or a sensor noisier than profile II of the thesis."""
     others = np.sort(noise.least[np.isfinite(noise.least)])[:-_LOUD]
-    usual = max(_NOISIER * noise.sigma, _ALONE * float(others.max(initial=0.0)))
-    limit = max(usual, PROFILE_I / math.sqrt(3.0))
+    next_loud = _ALONE * float(others.max(initial=0.0))
+    times = np.where(noise.white, _NOISIER_WHITE, _NOISIER)
+    floor = np.where(noise.white, _LEAST_WHITE, PROFILE_I / math.sqrt(3.0))
+    limit = np.maximum(np.maximum(times * noise.sigma, next_loud), floor)
+    if not noise.steady and len(others) < _QUIETER:
+        limit[:] = np.inf
     padded = np.pad(noise.strips, 1, constant_values=np.nan)
     loudest = np.fmax(padded[:-2], padded[2:])
     least = np.pad(noise.least, 1, constant_values=np.nan)
@@ -176,6 +189,14 @@ def _least_deviation(
         for order, power in orders.items()
     ]
     return np.asarray(np.fmin.reduce(found, axis=0))
+
+
+def _one_noise(alone: FloatArray, relative: FloatArray, since: IntArray) -> BoolArray:
+    """Return of which strips (strips,) differences of orders 2 to 4 tell nearly the same noise."""
+    orders = {k: v for k, v in (_THIRD | _OTHERS).items() if k > 1}
+    each = [_least_deviation(alone, relative, since, {k: v}) for k, v in orders.items()]
+    with np.errstate(invalid="ignore"):
+        return np.asarray(~(np.min(each, axis=0) < _AGREE * np.max(each, axis=0)))
 
 
 def _deviations(values: FloatArray, since: IntArray, order: int, power: float) -> list[float]:

@@ -1,0 +1,74 @@
+"""One strip against the others: gone for a stretch, noisier, with hum of its own, its two wires exchanged."""
+
+import numpy as np
+import pytest
+
+import tacstrip as ts
+from tacstrip.diagnose import Log, diagnose
+
+_STRIPS, _SCANS, _RATE_HZ = 16, 700, 43.0
+_SENSOR = ts.Sensor(
+    construction="crs-crs", strips=_STRIPS, pitch_mm=5.0, length_mm=100.0, rest_volt=0.1, touch_volt=0.15
+)
+
+
+def _recording(gap: bool = False) -> tuple[np.ndarray, np.ndarray]:
+    """Return times (scans,) and k_h, k_l over Vref (2, scans, strips) of a slanted bar dragged to and fro.
+
+    `gap`: of two bars side by side, a strip apart.
+    """
+    rng = np.random.default_rng(3)
+    share = np.linspace(0.0, 1.0, _SCANS)
+    middle = 8.0 + 9.0 * np.sin(2.0 * np.pi * 4.0 * share)
+    height = 0.5 + 0.25 * np.sin(2.0 * np.pi * 1.3 * share)
+    slope = 0.015 * np.sin(2.0 * np.pi * 6.7 * share)
+    off = np.arange(_STRIPS) + 0.5 - middle[:, None]
+    low, wide = height[:, None] + slope[:, None] * off - 0.04, 0.08
+    there = (np.abs(off) < 3.2) & ~(gap & (np.abs(off) < 0.5))
+    whole = 1.0 - wide / 2.0  # sensing strips of the same rubber
+    k = np.stack([(low + wide / 2.0) / whole, low / whole])
+    k = np.where(there, k, 0.02) + 0.001 * rng.normal(size=k.shape)
+    return np.arange(_SCANS) / _RATE_HZ, k
+
+
+def _said(
+    time_s: np.ndarray, k: np.ndarray
+) -> tuple[list[tuple[str, tuple[int, ...]]], list[tuple[int, ...]]]:
+    report = diagnose(Log.of(_SENSOR, time_s, {"kh": k[0], "kl": k[1]}))
+    return [(f.fault, f.strips) for f in report.findings], [q.strips for q in report.questions]
+
+
+@pytest.mark.parametrize("until", [0.7, 2.0])
+def test_a_strip_that_is_gone_for_a_stretch_or_from_then_on(until: float) -> None:
+    time_s, k = _recording()
+    gone = (time_s > 0.4 * time_s[-1]) & (time_s < until * time_s[-1])
+    k[:, gone, 6] = 0.02
+    assert _said(time_s, k) == ([("intermittent", (6,))], [])
+
+
+def test_a_gap_between_two_bars_is_no_strip_that_is_gone() -> None:
+    assert _said(*_recording(gap=True))[0] == []
+
+
+def test_one_strip_has_four_times_the_noise() -> None:
+    time_s, k = _recording()
+    k[:, :, 9] += np.sqrt(15.0) * 0.001 * np.random.default_rng(5).normal(size=k.shape[:2])
+    assert _said(time_s, k) == ([("noise", (9,))], [])
+
+
+def test_hum_on_one_strip_in_short_visits() -> None:
+    time_s, k = _recording()
+    k[:, :, 4] += 0.004 * np.sin(2.0 * np.pi * 60.0 * time_s)
+    assert ("hum", (4,)) in _said(time_s, k)[0]
+
+
+@pytest.mark.parametrize("strip", [0, 7, _STRIPS - 1])
+def test_exchanged_wires_of_small_contacts(strip: int) -> None:
+    time_s, k = _recording()
+    k[:, :, strip] = k[::-1, :, strip].copy()
+    findings, asked = _said(time_s, k)
+    assert findings == [("swapped-wires", (strip,))] or (strip != 7 and asked == [(strip,)])
+
+
+def test_the_same_recording_without_a_fault() -> None:
+    assert _said(*_recording()) == ([], [])
