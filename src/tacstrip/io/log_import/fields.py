@@ -14,7 +14,7 @@ from tacstrip.io.log_import.words import words_of
 
 # What stands for an untouched strip in anybody's log.
 NOTHING = frozenset({"", *words_of("nothing")})
-_NO_NUMBER = re.compile(r"(?:-?nan|n/?a|-[-.]*|\.nan)\s?(?:m?V|ms|s|%|LSB)?", re.IGNORECASE)
+_NO_NUMBER = re.compile(r"(?:-?nan|n/?a|-[-.]*|\.nan|\.{2,}|\u2026)\s?(?:m?V|ms|s|%|LSB)?", re.IGNORECASE)
 _PLAIN = re.compile(r"[+-]?\d+(?:\.\d+)?\Z")
 _NUMBER = re.compile(r"([+-]?)\s*(0x[\da-f]+|[\d.,' ]*\d[.,]?)(e[+-]?\d+)?\s*([a-zµ%‰]*)\Z", re.IGNORECASE)
 _MEASURED = re.compile(

@@ -1,0 +1,91 @@
+"""Marks in the place of readings keep the places of the others; comments that only name a sensor are asked about."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import tacstrip as ts
+from tacstrip.errors import ReadingError
+from tacstrip.io.log_import.guess import propose
+from tacstrip.io.log_import.questions import Unanswered
+from tacstrip.io.log_import.text import of_text
+
+PAD = ts.Sensor(construction="crs-crs", strips=5, pitch_mm=6.0, length_mm=80.0, vref_volt=5.0, adc_bits=10)
+HIGH, LOW = (
+    [[623, 629, 600], [621, 638, 616], [619, 640, 630]],
+    [[326, 283, 288], [341, 284, 278], [350, 290, 270]],
+)
+
+
+def values(text: str, **answers: str) -> np.ndarray:
+    """Return the readings, by scan, strip and channel."""
+    return np.stack([s.values for s in propose(of_text(text), PAD, answers).scans])
+
+
+def rows(mark: str, form: str) -> str:
+    """Return a log with rows of high and low readings of five strips, of which the outer two are untouched."""
+    return "".join(
+        form.format(
+            t=0.04 * n, h=" ".join([mark, *map(str, h), mark]), l=" ".join([mark, *map(str, low), mark])
+        )
+        for n, (h, low) in enumerate(zip(HIGH, LOW, strict=True))
+    )
+
+
+@pytest.mark.parametrize("mark", [".", "...", "\u2026", "-", "--", "\u2013", "nan"])
+@pytest.mark.parametrize(
+    "form", ["[{t:.2f}] H: {h}\n[{t:.2f}] L: {l}\n", "t={t:.2f} s\nhigh: {h}\nlow: {l}\n"]
+)
+def test_marks_for_nothing_hold_the_places_of_a_row(mark: str, form: str) -> None:
+    found = values(rows(mark, form))
+    assert np.isnan(found[:, [0, 4]]).all()
+    assert found[:, 1:4, 0].tolist() == HIGH
+    assert found[:, 1:4, 1].tolist() == LOW
+
+
+@pytest.mark.parametrize("mark", ["*", "?", "__"])
+def test_marks_that_may_mean_anything_are_never_passed_over(mark: str) -> None:
+    with pytest.raises((Unanswered, ReadingError)):
+        values(rows(mark, "t={t:.2f} s\nhigh: {h}\nlow: {l}\n"), missing="untouched", unit="code")
+
+
+def test_rows_behind_the_word_for_an_end() -> None:
+    found = values(rows("0", "{t:.2f} s H {h} | L {l}\n"), missing="untouched")
+    assert found[:, 1:4, 0].tolist() == HIGH
+    assert found[:, 1:4, 1].tolist() == LOW
+
+
+def test_empty_quotes_between_spaces_are_a_field() -> None:
+    lines = ['"time" "strip" "vH" "vL" "note"']
+    for n in range(3):
+        for s in range(5):
+            v = f"{2 + 0.1 * s:.4f} {1.1 + 0.1 * n:.4f}" if 0 < s < 4 else "NA NA"
+            lines.append(f'"{5 * n + s + 1}" {0.1 * n:.2f} "S{s}" {v} "{"press" if n > 1 else ""}"')
+    found = values("\n".join(lines) + "\n")
+    assert found.shape == (3, 5, 2)
+    assert np.isnan(found[:, [0, 4]]).all()
+
+
+@pytest.mark.parametrize("note", ["# pad 2", "# Sensor: B", "; board no. 3"])
+def test_a_comment_that_names_a_sensor_is_asked_about(note: str) -> None:
+    lines = [f"{20 * n},{s},{500 + 9 * s + n},{300 + 5 * s + n}" for n in range(6) for s in range(5)]
+    text = "\n".join(["time_ms,strip,high,low", *lines[:15], note, *lines[15:]]) + "\n"
+    with pytest.raises(Unanswered) as error:
+        values(text, unit="code")
+    assert [q.key for q in error.value.questions] == ["part"]
+    assert len(values(text.replace(note, "# press 2"), unit="code")) == 6
+
+
+@pytest.mark.parametrize(
+    ("said", "times"), [("10k/10k", {"2"}), ("10 kOhm and 20 kOhm", {"3", "1.5"}), ("1:4", {"4"})]
+)
+def test_the_resistors_of_a_divider_give_its_factor(said: str, times: set[str]) -> None:
+    lines = [
+        f"{20 * n},{s},{1.5 + 0.01 * s + 0.1 * n:.3f},{0.7 + 0.1 * n:.3f}" for n in range(6) for s in range(5)
+    ]
+    text = "\n".join([f"# behind a divider of {said}", "time_ms,strip,high_V,low_V", *lines]) + "\n"
+    with pytest.raises(Unanswered) as error:
+        values(text)
+    (question,) = [q for q in error.value.questions if q.key == "scale"]
+    assert {*question.choices} == {"1", *times}
