@@ -89,3 +89,25 @@ def test_the_resistors_of_a_divider_give_its_factor(said: str, times: set[str]) 
         values(text)
     (question,) = [q for q in error.value.questions if q.key == "scale"]
     assert {*question.choices} == {"1", *times}
+
+
+def test_separators_in_the_last_column_of_remarks_are_its_own() -> None:
+    lines = [f"{20 * n},{s},{500 + 9 * s + n},{300 + 5 * s + n},mug" for n in range(3) for s in range(5)]
+    text = "\n".join(["time_ms,strip,high,low,Remark", *lines]) + "\n"
+    whole = values(text, unit="code")
+    assert whole.shape == (3, 5, 2)
+    assert np.array_equal(
+        values(text.replace("519,311,mug", "519,311,mug, again, harder"), unit="code"), whole
+    )
+    with pytest.raises(Unanswered) as error:  # a value too many
+        values(text.replace("519,311,mug", "519,311,5,mug"), unit="code")
+    assert [q.key for q in error.value.questions] == ["broken_lines"]
+
+
+def test_cells_of_html_span_no_more_columns_than_browsers_let_them() -> None:
+    cells = [(0.1 * n, s, 2.5 + 0.1 * s, 1.5 + 0.1 * n) for n in range(3) for s in range(5)]
+    rows_ = "".join("<tr>" + "".join(f"<td>{c:g}</td>" for c in row) + "</tr>" for row in cells)
+    head = "<tr><th>t</th><th>strip</th><th>high</th><th>low</th></tr>"
+    table = of_text(f"<table><tr><th colspan=100000>pad</th></tr>{head}{rows_}</table>")
+    assert table.names == ("t", "strip", "high", "low")
+    assert len(table.rows) == 15
