@@ -111,3 +111,31 @@ def test_cells_of_html_span_no_more_columns_than_browsers_let_them() -> None:
     table = of_text(f"<table><tr><th colspan=100000>pad</th></tr>{head}{rows_}</table>")
     assert table.names == ("t", "strip", "high", "low")
     assert len(table.rows) == 15
+
+
+ROWS = [(20 * n, *(v for s in range(5) for v in (500 + 9 * s + n, 300 + 5 * s + 2 * n))) for n in range(6)]
+WIDE = ",".join(["t_ms", *(f"{c}{s}" for s in range(5) for c in "hl")])
+TRUTH = np.array(ROWS, dtype=float)[:, 1:].reshape(6, 5, 2)
+
+
+@pytest.mark.parametrize("before", ["RX: ", "DATA: ", "- "])
+def test_a_word_or_a_dash_before_each_line_is_no_sign_and_no_field(before: str) -> None:
+    text = "\n".join([WIDE, *(before + ",".join(map(str, row)) for row in ROWS)]) + "\n"
+    assert np.array_equal(values(text, unit="code"), TRUTH)
+
+
+@pytest.mark.parametrize("between", [": ", " ", "  ", ",", " = "])
+@pytest.mark.parametrize("column", ["10{} (ADC)", "CH10{}", "10{}"])
+def test_labels_above_say_what_numbered_columns_are(between: str, column: str) -> None:
+    order = [2, 0, 3, 1, 4, 6, 5, 7, 8, 9]  # of the readings, in the log's columns
+    labels = [f"10{n}{between}strip {k // 2 + 1} {('high', 'low')[k % 2]}" for n, k in enumerate(order)]
+    names = ",".join(["time_ms", *(column.format(n) for n in range(10))])
+    lines = [",".join(map(str, [row[0], *(row[1 + k] for k in order)])) for row in ROWS]
+    found = values("\n".join([*labels, "", names, *lines]) + "\n", unit="code", strip_base="1")
+    assert np.array_equal(found, TRUTH)
+
+
+def test_a_row_that_numbers_columns_is_no_scan() -> None:
+    text = "\n".join([",".join(map(str, range(11))), *(",".join(map(str, row)) for row in ROWS)]) + "\n"
+    with pytest.raises((Unanswered, ReadingError)):
+        values(text, unit="code")
