@@ -23,7 +23,14 @@ from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
 from tacstrip.reconstruction.on_surface import on_surface, refuse_surface
 from tacstrip.reconstruction.polygon.faulty_channel import without_one
 from tacstrip.reconstruction.polygon.objects import FittedContact, reconstruct_object
-from tacstrip.reconstruction.polygon.run import RunFit, RunReadings, fit_run, fit_runs, should_merge
+from tacstrip.reconstruction.polygon.run import (
+    MOST_SIGMA,
+    RunFit,
+    RunReadings,
+    fit_run,
+    fit_runs,
+    should_merge,
+)
 from tacstrip.reconstruction.posterior.assessment import Effort, check_effort
 from tacstrip.reconstruction.result import Reconstruction
 from tacstrip.reconstruction.seam import BRIDGED, unrolled
@@ -281,6 +288,11 @@ def _contacts(
                 break
             readings = thin
             run = checked(runs_of([readings])[0])
+        if sigma is None and len(readings) > 1 and run.sigma > MOST_SIGMA:  # do corners pass for noise?
+            likely = RunReadings(x, readings, MOST_SIGMA, margin_mm)
+            (again,) = fit_runs(sensor, [likely], max_vertices, vertices)
+            if again.selection is not None and again.residual_sums[0] <= again.problem.readings:
+                run = again
         run = run if sigma is not None else _at_least_a_step(run, sensor)
         return FittedContact(strips, missing, fitted, readings, margin_mm, vertices, run)
 
