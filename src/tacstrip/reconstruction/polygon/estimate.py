@@ -23,14 +23,7 @@ from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
 from tacstrip.reconstruction.on_surface import on_surface, refuse_surface
 from tacstrip.reconstruction.polygon.faulty_channel import without_one
 from tacstrip.reconstruction.polygon.objects import FittedContact, reconstruct_object
-from tacstrip.reconstruction.polygon.run import (
-    MOST_SIGMA,
-    RunFit,
-    RunReadings,
-    fit_run,
-    fit_runs,
-    should_merge,
-)
+from tacstrip.reconstruction.polygon.run import MOST_SIGMA, RunFit, RunReadings, fit_runs, should_merge
 from tacstrip.reconstruction.posterior.assessment import Effort, check_effort
 from tacstrip.reconstruction.result import Reconstruction
 from tacstrip.reconstruction.seam import BRIDGED, unrolled
@@ -247,7 +240,7 @@ def fitted_transitions(
     sigma = _sigma(sensor.noise if noise is None else noise, scan, sensor)
     found = []
     for run in scan.runs():
-        of_run = fit_run(sensor, sensor.x_mm[run], {name: scan[name][run]}, sigma)
+        (of_run,) = fit_runs(sensor, [RunReadings(sensor.x_mm[run], {name: scan[name][run]}, sigma)])
         x = np.array([0.0, 1.0]) if of_run.selection is None else of_run.selection.chosen.transitions
         found.append(x * of_run.problem.width_mm + of_run.problem.origin_mm)
     return found
