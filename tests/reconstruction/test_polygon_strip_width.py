@@ -15,7 +15,7 @@ from tacstrip.geometry.outline import Outline
 from tacstrip.network.strips.resolved import wide_readings
 from tacstrip.reconstruction.cramer_rao import reading_sigma, vertex_covariance, vertex_jacobian
 from tacstrip.reconstruction.polygon.estimate import fit_polygon
-from tacstrip.reconstruction.strip_width import equivalent_ends, remove_width_effect
+from tacstrip.reconstruction.strip_width import WithCorners, equivalent_ends, has_corner, remove_width_effect
 from tacstrip.tracking.tracker import Tracker
 
 SIZE = {"strips": 40, "pitch_mm": 3.25, "length_mm": 130.0, "strip_width_mm": 3.0, "contact_lambda_mm": 2.0}
@@ -207,6 +207,27 @@ def test_the_tracker_knows_of_the_width() -> None:
         shape = found[0].shape
         errors[width] = 1.0 - ts.mismatch(contacts[-1].vertices, shape.vertices).iou
     assert errors[3.0] < 0.6 * errors[None]
+
+
+def test_slopes_on_strips_with_corners_are_exact() -> None:
+    """By the vertices, of an outline with an upright and a pointed end, against differences."""
+    sensor = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=5.0, length_mm=100.0, strip_width_mm=5.0)
+    outline = Outline.of([(13.0, 48.0), (47.0, 15.0), (88.0, 40.0), (88.0, 52.0), (56.0, 86.0)])
+    x, step = sensor.x_mm, 2e-3
+    cornered = np.asarray(has_corner(sensor, outline.vertices, x).any(axis=1))
+    slopes = WithCorners(sensor, outline, x).slopes(cornered)[:, cornered].reshape(2, -1, 5, 2)
+    for vertex in range(5):
+        ways = (
+            [(0.0, 1.0)] if vertex in (2, 3) else [(1.0, 0.0), (0.0, 1.0)]
+        )  # the upright end keeps its one x
+        for way in ways:
+            ends = []
+            for by in (-step, step):
+                moved = outline.vertices.copy()
+                moved[vertex] += by * np.array(way)
+                ends.append(WithCorners(sensor, Outline.of(moved), x).ends[:, cornered])
+            expected = (ends[1] - ends[0]) / (2.0 * step)
+            np.testing.assert_allclose(slopes[:, :, vertex] @ way, expected, atol=2e-3)
 
 
 def test_few_strips_and_garbage() -> None:

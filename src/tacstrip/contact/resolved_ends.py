@@ -1,12 +1,4 @@
-"""Where ideal contact on a thin strip would end that reads like a shape on a wide strip, by boundary integrals.
-
-Without contact resistance the difference of both layers' potentials is 0 under the contact and obeys Laplace's
-equation beside it; it is even along either bar, and no current leaves the sides. So it is y plus what charges on the
-contact's edge add, by the Green's function of the strip: mirrored in its sides, -(ln|2 sinh(pi (z - z') / 2)| +
-ln|2 sinh(pi (z + z'*) / 2)|) / 2 pi with z = y + ix over the width, and once more in the bars. On each straight piece
-of the edge the charge is a series of Chebyshev polynomials over sqrt(1 - t^2), whose logarithmic integrals are known
-(J. C. Mason and D. C. Handscomb, Chebyshev Polynomials (2003), 9.5.2), so corners and tips need no finer mesh.
-"""
+"""Where ideal contact on a thin strip would end that reads like a shape on a wide strip, by boundary integrals."""
 
 from __future__ import annotations
 
@@ -17,14 +9,9 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from tacstrip.arrays import FloatArray
+from tacstrip.contact.boundary_integrals import BAR, Charges
 
 _SAME = 1e-9  # of the width: closer to a side is on it; shorter pieces of the edge are none
-_BAR = 0.02  # widths: nearer to a bar the charges and their images are too near for the quadrature
-_FAR = 3.0  # widths: an image beyond a bar adds exp(-2 pi) to the power of this
-_FEWEST, _BY_LENGTH, _MOST = 8, 6.0, 64  # terms of a piece: so many, and more for each width that it is long
-_UNKNOWNS = 800
-_FINER = 4  # quadrature nodes a term
-_DIGITS = 7  # of widths: fewer than rounding leaves alike on all machines, whatever their threads (1e-13)
 
 
 def resolved_ends(
@@ -59,16 +46,17 @@ def resolved_ends(
     origin = np.array([x_mm - half, 0.0])
     rings = [(shapely.get_coordinates(p.exterior) - origin) / width_mm for p in parts if p.area > 0.0]
     pieces, length = _pieces(rings), length_mm / width_mm
-    if not 0 < len(pieces) <= _UNKNOWNS // _FEWEST or any(p.area == 0.0 and p.length > 0.0 for p in parts):
+    if any(p.area == 0.0 and p.length > 0.0 for p in parts):
         return None
     y = pieces[..., 1]
-    bars = y.min() < _BAR, y.max() > length - _BAR
-    if not all(bars) and np.all(np.abs(np.diff(pieces, axis=1)) == (1.0, 0.0)):
+    across = len(pieces) > 0 and np.all(np.abs(np.diff(pieces, axis=1)) == (1.0, 0.0))
+    if across and (y.min() >= BAR or y.max() <= length - BAR):
         return float(y.min()) * width_mm, float(y.max()) * width_mm  # straight across: as on a thin strip
-    if any(bars):
+    charges = Charges.on(pieces, length)
+    if charges is None:
         return None
-    l, u = (round(end, _DIGITS) for end in _solved(pieces, length))
-    return l * width_mm, max(l, u) * width_mm
+    l, u = (charges.ends * width_mm).tolist()
+    return l, u
 
 
 def _pieces(rings: Sequence[FloatArray]) -> FloatArray:
@@ -81,49 +69,3 @@ def _pieces(rings: Sequence[FloatArray]) -> FloatArray:
         side = (ends[:, 0, 0] == ends[:, 1, 0]) & np.isin(ends[:, 0, 0], (0.0, 1.0))
         found.append(ends[~side & (np.hypot(*(ends[:, 1] - ends[:, 0]).T) > _SAME)])
     return np.concatenate(found) if found else np.zeros((0, 2, 2))
-
-
-def _solved(pieces: FloatArray, length: float) -> tuple[float, float]:
-    """Return l and u of pieces on a strip of width 1."""
-    middle, reach = pieces.mean(axis=1), 0.5 * (pieces[:, 1] - pieces[:, 0])
-    most = max(_FEWEST, min(_MOST, _UNKNOWNS // len(pieces)))
-    terms = np.clip(_FEWEST + _BY_LENGTH * 2.0 * np.hypot(*reach.T), _FEWEST, most).astype(int)
-    t, s = ([np.cos(np.pi * (np.arange(n) + 0.5) / n) for n in many] for many in (terms, _FINER * terms))
-    at, charge = (
-        np.concatenate([m + r * each[:, None] for m, r, each in zip(middle, reach, nodes, strict=True)])
-        for nodes in (t, s)
-    )
-    x, y = at.T[..., None]
-    by_x, by_y = charge.T
-    ends = np.cumsum(terms)
-    rows = [slice(end - n, end) for end, n in zip(ends, terms, strict=True)]
-    nodes = [slice(_FINER * one.start, _FINER * one.stop) for one in rows]
-    # No node of t is one of s, for there are four of the latter to each.
-    free = _log(x - by_x, y - by_y)
-    for row, node, at_t, at_s in zip(rows, nodes, t, s, strict=True):
-        free[row, node] -= np.log(np.abs(at_t[:, None] - at_s))
-    images = _log(x + by_x, y - by_y)
-    near = by_y.min() < _FAR, by_y.max() > length - _FAR
-    for mirrored in (bar - by_y for bar, counts in zip((0.0, 2.0 * length), near, strict=True) if counts):
-        images -= _log(x - by_x, y - mirrored) + _log(x + by_x, y - mirrored)
-    kernel = -0.5 * np.abs(y - by_y) - (free + images) / (2.0 * np.pi)
-    matrix, moments = np.empty((len(y), len(y))), np.empty(len(y))
-    for row, node, at_t, at_s in zip(rows, nodes, t, s, strict=True):
-        order = np.arange(len(at_t))
-        weight = np.cos(order * np.arccos(at_s)[:, None]) * (np.pi / len(at_s))  # of T_k over sqrt(1 - t^2)
-        log_of_term = -np.pi * np.where(order == 0, np.log(2.0), 1.0 / np.maximum(order, 1))
-        matrix[:, row], moments[row] = kernel[:, node] @ weight, by_y[node] @ weight
-        matrix[row, row] -= np.cos(order * np.arccos(at_t)[:, None]) * log_of_term / (2.0 * np.pi)
-    # What goes into the contact comes out of it: the charges sum to 0. A constant is left open instead.
-    total = np.zeros(len(y))
-    total[[row.start for row in rows]] = np.pi
-    system = np.block([[matrix, np.ones((len(matrix), 1))], [total[None], np.zeros((1, 1))]])
-    found = np.linalg.solve(system, np.append(-y.ravel(), 0.0))
-    moment = 0.5 * float(found[:-1] @ moments)
-    return moment - float(found[-1]), -moment - float(found[-1])
-
-
-def _log(x: FloatArray, y: FloatArray) -> FloatArray:
-    """Return ln|2 sinh(pi (y + ix) / 2)| - pi |y| / 2, which vanishes far away."""
-    decay = -np.pi * np.abs(y)
-    return np.asarray(0.5 * np.log(np.expm1(decay) ** 2 + 4.0 * np.exp(decay) * np.sin(0.5 * np.pi * x) ** 2))

@@ -7,19 +7,21 @@ fitted, what the width adds to the outline found is taken from them, and what is
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 import shapely
 
-from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.contact.resolved_ends import resolved_ends
+from tacstrip.arrays import BoolArray, FloatArray, IntArray
+from tacstrip.contact.boundary_integrals import Charges
 from tacstrip.contact.signature import signatures
 from tacstrip.geometry.outline import Outline
 from tacstrip.sensor.slant import PARTS, edge_read
 from tacstrip.sensor.spec import Sensor
 
 _ENOUGH = 8  # strips: of fewer none is left out
+_SAME = 1e-9  # of the width: closer to a side is on it; shorter edges are none
 _STEP = 1e-3  # of the pitch, for differences
 PARTIAL_STRIPS = 1  # strips at either end of a contact that may be covered in part
 
@@ -55,17 +57,82 @@ def equivalent_ends(sensor: Sensor, outline: Outline, x: FloatArray) -> tuple[Fl
     return lower, np.clip(upper, lower, sensor.length_mm)
 
 
-def with_corners(sensor: Sensor, outline: Outline, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return `equivalent_ends`, those of strips with a corner on them exact under ideal contact."""
-    l, u = equivalent_ends(sensor, outline, x)
-    contact = shapely.Polygon(outline.vertices)
-    if sensor.contact_lambda_mm > 0.0 or not contact.is_valid:
-        return l, u
-    for i in np.flatnonzero(has_corner(sensor, outline.vertices, x).any(axis=1)):
-        ends = resolved_ends([contact], float(x[i]), sensor.strip_width, sensor.length_mm)
-        if ends is not None:
-            l[i], u[i] = ends
-    return l, u
+class WithCorners:
+    """An outline on wide strips at x (n,) [mm], exact under ideal contact where a corner is on one.
+
+    Attributes
+    ----------
+    ends
+        l and u (2, n) [mm] as by `equivalent_ends`.
+    """
+
+    def __init__(self, sensor: Sensor, outline: Outline, x: FloatArray) -> None:
+        self._of = sensor, outline, x
+        self.ends = np.stack(equivalent_ends(sensor, outline, x))
+        self._charged = []
+        for strip in _with_corner(sensor, outline, x):
+            charges = Charges.on(strip.edges, sensor.length_mm / sensor.strip_width)
+            if charges is not None:
+                self._charged.append((strip, charges))
+                self.ends[:, strip.index] = charges.ends * sensor.strip_width
+
+    def slopes(self, counts: BoolArray) -> FloatArray:
+        """Return the slopes of the ends by `vertices.ravel()` (2, n, 2 V), exact on strips that count (n,)."""
+        sensor, outline, x = self._of
+        found = np.stack(end_slopes(sensor, outline, x))
+        for strip, charges in self._charged:
+            if counts[strip.index]:
+                by_edges = charges.slopes()
+                found[:, strip.index] = [strip.by_vertices(own, len(outline.vertices)) for own in by_edges]
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Strip:
+    """A strip with a corner on it: edges (P, 2, 2) over its width, from its left side.
+
+    Where their ends are from vertex `first` (P,) to the next one: shares (P, 2).
+    """
+
+    index: int
+    edges: FloatArray
+    first: IntArray
+    share: FloatArray
+
+    def by_vertices(self, by_edges: FloatArray, count: int) -> FloatArray:
+        """Return slopes by all vertices (2 V,) of those by the edges' ends (P, 2, 2)."""
+        (x0, y0), (x1, y1) = self.edges[:, 0].T, self.edges[:, 1].T
+        cut = (self.share > 0.0) & (self.share < 1.0)  # by a side: its end stays there
+        rise = np.divide(y1 - y0, x1 - x0, out=np.zeros(len(x0)), where=cut.any(axis=1))
+        by_x = np.where(cut, -rise[:, None] * by_edges[..., 1], by_edges[..., 0])
+        by_end = np.stack([by_x, by_edges[..., 1]], axis=-1)
+        found = np.zeros((count, 2))
+        found[self.first] += ((1.0 - self.share)[..., None] * by_end).sum(axis=1)
+        found[(self.first + 1) % count] += (self.share[..., None] * by_end).sum(axis=1)
+        return found.ravel()
+
+
+def _with_corner(sensor: Sensor, outline: Outline, x: FloatArray) -> Iterator[_Strip]:
+    """Make the strips at x (n,) with a corner on them, where boundary integrals serve."""
+    vertices, width = outline.vertices, sensor.strip_width
+    if sensor.contact_lambda_mm > 0.0 or not shapely.is_valid(shapely.polygons(vertices)):
+        return
+    index = np.flatnonzero(has_corner(sensor, vertices, x).any(axis=1))
+    across = (vertices[:, 0] - x[index, None]) / width + 0.5
+    for side in (0.0, 1.0):
+        across[np.abs(across - side) < _SAME] = side
+    run = np.roll(across, -1, axis=1) - across
+    upright = run == 0.0
+    sides = np.stack([-across, 1.0 - across], axis=-1) / np.where(upright, 1.0, run)[..., None]
+    share = np.sort(np.clip(sides, 0.0, 1.0), axis=-1)
+    share[upright] = 0.0, 1.0
+    begin = np.stack([across, np.broadcast_to(vertices[:, 1] / width, across.shape)], axis=-1)
+    way = np.roll(begin, -1, axis=1) - begin
+    length = np.hypot(way[..., 0], way[..., 1]) * (share[..., 1] - share[..., 0])
+    within = (length > _SAME) & (~upright | ((across > 0.0) & (across < 1.0)))
+    edges = begin[:, :, None] + share[..., None] * way[:, :, None]
+    for strip, own in enumerate(within):
+        yield _Strip(int(index[strip]), edges[strip, own], np.flatnonzero(own), share[strip, own])
 
 
 def has_corner(sensor: Sensor, vertices: FloatArray, x: FloatArray) -> BoolArray:
@@ -77,17 +144,15 @@ def end_slopes(sensor: Sensor, outline: Outline, x: FloatArray) -> tuple[FloatAr
     """Return the slopes of `equivalent_ends` by `vertices.ravel()`, each (n, 2 V), by differences."""
     step = _STEP * sensor.pitch_mm
     found = []
-    for index, sign in zip(outline.indices, (-1.0, 1.0), strict=True):
-        slopes = np.zeros((len(x), 2 * len(outline.vertices)))
-        for place in range(slopes.shape[1]):
-            if place // 2 in index:
-                ends = []
-                for by in (-step, step):
-                    moved = outline.vertices.copy()
-                    moved.flat[place] += by
-                    ends.append(_edge(sensor, moved[index], x, sign))
-                slopes[:, place] = (ends[1] - ends[0]) / (2.0 * step)
-        found.append(slopes)
+    for chain, index, sign in zip((outline.lower, outline.upper), outline.indices, (-1.0, 1.0), strict=True):
+        moved = (
+            chain
+            + step * np.eye(chain.size).reshape(-1, *chain.shape) * np.array([-1.0, 1.0])[:, None, None, None]
+        )
+        ends = _edge(sensor, moved, x, sign)
+        slopes = np.zeros((len(x), len(outline.vertices), 2))
+        slopes[:, index] = ((ends[1] - ends[0]) / (2.0 * step)).T.reshape(len(x), *chain.shape)
+        found.append(slopes.reshape(len(x), -1))
     return found[0], found[1]
 
 
@@ -104,12 +169,15 @@ def remove_width_effect(
     `corners` takes a millisecond for each strip with a corner on it, which the closed form has off by up to 5e-3.
     """
     l, u = (np.interp(x, *chain.T) for chain in (outline.lower, outline.upper))
-    ends = (with_corners if corners else equivalent_ends)(sensor, outline, x)
+    ends = WithCorners(sensor, outline, x).ends if corners else equivalent_ends(sensor, outline, x)
     thin, wide = signatures(sensor, l, u), signatures(sensor, *ends)
     return {name: k - (wide[name] - thin[name]) for name, k in readings.items()}
 
 
-def _edge(sensor: Sensor, chain: FloatArray, x: FloatArray, sign: float) -> FloatArray:
+def _edge(sensor: Sensor, chains: FloatArray, x: FloatArray, sign: float) -> FloatArray:
+    """Return the ends (..., n) [mm] that chains (..., M, 2) [mm] read on strips at x (n,)."""
     borders = x[:, None] + sensor.strip_width * (np.arange(PARTS + 1) / PARTS - 0.5)
-    height = np.interp(borders, *chain.T)
-    return edge_read(height, sensor.strip_width, sign, sensor.contact_lambda_mm)
+    each = chains.reshape(-1, *chains.shape[-2:])
+    height = np.stack([np.interp(borders, *chain.T) for chain in each])
+    read = edge_read(height, sensor.strip_width, sign, sensor.contact_lambda_mm)
+    return read.reshape(*chains.shape[:-2], len(x))

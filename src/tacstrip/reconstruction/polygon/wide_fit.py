@@ -23,7 +23,7 @@ from tacstrip.errors import ContactError
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.noise_covariance import signature_jacobians
 from tacstrip.reconstruction.polygon.run import MOST_SIGMA, ModelInMm, RunFit
-from tacstrip.reconstruction.strip_width import end_slopes, has_corner, remove_width_effect, with_corners
+from tacstrip.reconstruction.strip_width import WithCorners, has_corner, remove_width_effect
 from tacstrip.sensor.spec import Sensor
 
 _ROUNDS, _SAME = 8, 0.1  # of taking away what the width adds, until it changes by less [sigma]
@@ -38,7 +38,6 @@ _EXPLAINED = 4.0  # deviations that a reading of an outer strip may be off
 # Root mean square over b / L, of the closed form on strips with a corner, lambda b / 10 to b / 2 (.07 to .1).
 _CORNER_ERROR = 0.08
 _CORNERS = 12  # of more vertices a descent would take seconds
-_DIFFERENCE = 1e-3  # of the pitch
 _TURN = 1e-9  # of the sensor's area: a corner that turns inwards by less is straight
 
 
@@ -53,14 +52,14 @@ class _Task:
     root_weight: FloatArray
     expected: tuple[float, float]  # x of the left and the right end [mm], known to a pitch
 
-    def read(self, outline: Outline) -> tuple[FloatArray, FloatArray]:
-        """Return l and u (2, n) [mm] that lines would have to read what the strips do, and the readings (S, n)."""
+    def read(self, outline: Outline) -> tuple[WithCorners, FloatArray]:
+        """Return the outline on the strips, and the readings (S, n)."""
         half, reach = 0.5 * self.sensor.strip_width, self.x[self.used][[0, -1]]
         if outline.lower[0, 0] > reach[0] + half or outline.lower[-1, 0] < reach[1] - half:
             raise ContactError("a strip that reads is not touched")
-        ends = np.stack(with_corners(self.sensor, outline, self.x))
-        made = signatures(self.sensor, *ends)
-        return ends, np.stack([made[name] for name in self.names])
+        wide = WithCorners(self.sensor, outline, self.x)
+        made = signatures(self.sensor, *wide.ends)
+        return wide, np.stack([made[name] for name in self.names])
 
     def off(self, outline: Outline, made: FloatArray) -> FloatArray:
         """Return all residuals over their sigma (S n + 2,), those of the ends' x last."""
@@ -78,27 +77,10 @@ class _Task:
         """1 / the deviation of an end's x [1/mm]."""
         return math.sqrt(12.0) / self.sensor.pitch_mm
 
-    def slopes(self, outline: Outline, free: IntArray, place: IntArray, ends: FloatArray) -> FloatArray:
-        """Return the slopes of the readings over their sigma by the free coordinates (S n, F) [1/mm].
-
-        A corner's own are by differences on the strip that it lies on, where the closed form has them off by a fifth.
-        """
-        by_end = np.zeros((2, len(self.x), len(free)))
-        for own, closed in zip(by_end, end_slopes(self.sensor, outline, self.x), strict=True):
-            np.add.at(own.T, place, closed.T)
-        if self.sensor.contact_lambda_mm == 0.0:
-            step, count = _DIFFERENCE * self.sensor.pitch_mm, len(outline.vertices)
-            here = has_corner(self.sensor, outline.vertices, self.x)
-            last = np.isin(outline.vertices[:, 0], outline.lower[[0, -1], 0])
-            for strip in np.flatnonzero(here.any(axis=1) & self.used):
-                of = np.flatnonzero(here[strip])
-                if last[of].any():  # covered in part
-                    of = np.unique(np.concatenate([of - 1, of, of + 1]) % count)
-                for at in np.unique(place[np.concatenate([2 * of, 2 * of + 1])]):
-                    moved = _moved(outline, step * (place == at))
-                    there = np.stack(with_corners(self.sensor, moved, self.x[[strip]]))
-                    by_end[:, strip, at] = (there[:, 0] - ends[:, strip]) / step
-        of_ends = signature_jacobians(self.sensor, *ends)
+    def slopes(self, wide: WithCorners, free: IntArray, place: IntArray) -> FloatArray:
+        """Return the slopes of the readings over their sigma by the free coordinates (S n, F) [1/mm]."""
+        by_end = wide.slopes(self.used) @ np.equal(place[:, None], np.arange(len(free))).astype(float)
+        of_ends = signature_jacobians(self.sensor, *wide.ends)
         by_reading = np.stack([np.einsum("en,enf->nf", np.stack(of_ends[n]), by_end) for n in self.names])
         weighted = np.where(self.root_weight > 0.0, self.root_weight, 0.0)[..., None] * by_reading
         return np.asarray(weighted.reshape(-1, len(free)))
@@ -265,9 +247,9 @@ def _descended(task: _Task, outline: Outline) -> tuple[Outline, FloatArray, IntA
     free, place = _free(outline)
     prior = np.zeros((2, len(free)))
     prior[[0, 1], place[2 * outline.indices[0][[0, -1]]]] = task.rate
-    ends, made = task.read(outline)
+    wide, made = task.read(outline)
     off, damping, tried = task.off(outline, made), _LEAST_DAMPING, 0
-    slopes = task.slopes(outline, free, place, ends)
+    slopes = task.slopes(wide, free, place)
     while tried < _STEPS:
         full = np.concatenate([slopes, prior])
         matrix, gradient = full.T @ full, full.T @ off
@@ -280,7 +262,7 @@ def _descended(task: _Task, outline: Outline) -> tuple[Outline, FloatArray, IntA
                 there = _moved(outline, step[place])
                 if np.ptp([*there.vertices[:, 1], 0.0, task.sensor.length_mm]) > task.sensor.length_mm:
                     raise ContactError("a corner is off the sensor")
-                ends, made = task.read(there)
+                wide, made = task.read(there)
                 left = task.off(there, made)
                 better = bool(left @ left < off @ off)
             except ContactError:
@@ -294,7 +276,7 @@ def _descended(task: _Task, outline: Outline) -> tuple[Outline, FloatArray, IntA
         if gain < _SETTLED:
             break
         if gain > _CURVED:  # nearer, slopes are as they were
-            slopes = task.slopes(outline, free, place, ends)
+            slopes = task.slopes(wide, free, place)
     return outline, slopes, place
 
 
