@@ -55,4 +55,6 @@ async def main(url: str, port: str | None = None) -> int:
 
 
 if __name__ == "__main__":
+    if len(sys.argv) < 2:
+        sys.exit(__doc__)
     print(f"{asyncio.run(main(*sys.argv[1:3]))} frames were taken")

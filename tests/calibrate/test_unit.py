@@ -497,15 +497,20 @@ def test_uneven_rubber_read_by_one_signature_has_a_floor_that_the_plan_says() ->
     np.testing.assert_allclose(np.quantile(off, 0.95), made.floor_percent, rtol=0.15)
 
 
-def _planned_runs(kind: str, rng: np.random.Generator) -> tuple[ts.Sensor, Runs]:
-    """Runs of a plan's presses, the slanted one too, on strips that are wired in another order."""
+def _planned_runs(kind: str, rng: np.random.Generator, wide: float = 0.0) -> tuple[ts.Sensor, Runs]:
+    """Runs of a plan's presses, the slanted one too, on strips that are wired in another order.
+
+    On wide strips the slanted one touches that share of the rise from one strip to the next.
+    """
     sensor = ts.Sensor(construction="crs-m", strips=8, pitch_mm=6.5, length_mm=200.0)
     made = plan(sensor, 0.2, ts.Noise(positional=0.002))
     assert len(made.slanted_mm) == 8
     straight = [(l, w) for l, w, times in made.contacts for _ in range(times)]
     l = np.array([*([l] * 8 for l, _ in straight), made.slanted_mm])
     w = np.array([*([w] * 8 for _, w in straight), [0.0] * 8])
-    raw = ts.signatures(replace(sensor, contact_lambda_mm=1.0), l, l + w)["k"]
+    half = np.zeros(l.shape)
+    half[-1] = 0.5 * wide * (l[-1, 1] - l[-1, 0])
+    raw = ts.signatures(replace(sensor, contact_lambda_mm=1.0), l - half, l + w + half)["k"]
     raw = rng.uniform(0.99, 1.01, 8) * raw + rng.uniform(-0.02, 0.02, 8) + rng.uniform(-0.002, 0.002, l.shape)
     orders = {
         "pair": [0, 2, 1, 3, 4, 5, 6, 7],
@@ -518,22 +523,23 @@ def _planned_runs(kind: str, rng: np.random.Generator) -> tuple[ts.Sensor, Runs]
     return sensor, Runs(l, w, {"k": raw[:, order]}, line=np.arange(2, 2 + l.size).reshape(l.shape), rest={})
 
 
-def test_a_slanted_press_shows_exchanged_strips() -> None:
+@pytest.mark.parametrize("wide", [0.0, 1.0])
+def test_a_slanted_press_shows_exchanged_strips(wide: float) -> None:
     words = "strips are exchanged, by the presses that lie slanted across them: strip 1 is 2, 2 is 1"
     with pytest.raises(ts.ReadingError, match=words):
-        ts.calibrate_unit(*_planned_runs("pair", np.random.default_rng(0)))
+        ts.calibrate_unit(*_planned_runs("pair", np.random.default_rng(0), wide))
     with pytest.raises(ts.ReadingError, match="strip 0 is 6, 1 is 7, 2 is 0"):
-        ts.calibrate_unit(*_planned_runs("shifted", np.random.default_rng(1)))
+        ts.calibrate_unit(*_planned_runs("shifted", np.random.default_rng(1), wide))
     with pytest.raises(
         ts.ReadingError, match="slanted across the strips lie the other way than the runs say"
     ):
-        ts.calibrate_unit(*_planned_runs("mirrored", np.random.default_rng(2)))
+        ts.calibrate_unit(*_planned_runs("mirrored", np.random.default_rng(2), wide))
 
 
-@pytest.mark.parametrize("kind", ["sound", "mislaid"])
-def test_a_slanted_press_on_strips_in_order_is_no_alarm(kind: str) -> None:
+@pytest.mark.parametrize(("kind", "wide"), [("sound", 0.0), ("sound", 1.0), ("mislaid", 0.0)])
+def test_a_slanted_press_on_strips_in_order_is_no_alarm(kind: str, wide: float) -> None:
     for seed in range(4):
-        assert ts.calibrate_unit(*_planned_runs(kind, np.random.default_rng(seed))).status == "ok"
+        assert ts.calibrate_unit(*_planned_runs(kind, np.random.default_rng(seed), wide)).status == "ok"
 
 
 @pytest.mark.parametrize("factor", [1.0, 0.9])

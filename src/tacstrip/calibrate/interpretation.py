@@ -102,7 +102,8 @@ def exchanged_strips(sensor: Sensor, runs: Runs, fit: ModelFit) -> str:
     """Say which strips' readings are exchanged, by presses that lie slanted across the strips; "" where none are.
 
     Bars that lie straight give every strip the same places, and each strip's own constants take up what it reads.
-    A slanted press among them contradicts these constants, and agrees with those of the strip that it was read on.
+    A slanted press among them contradicts these constants, and agrees with those of the strip that it was read on. It
+    touches a wide strip not in a point, but over the rise from one strip to the next, which is no contradiction.
     """
     there = np.isfinite(runs.l_mm).all(axis=1)
     slanted = there & (np.ptp(np.nan_to_num(runs.l_mm), axis=1) > _SLANTED * sensor.length_mm)
@@ -116,7 +117,8 @@ def exchanged_strips(sensor: Sensor, runs: Runs, fit: ModelFit) -> str:
         off[:, place] = np.mean([(runs.raw[n][slanted] - k) ** 2 for n, k in found.items()], axis=(0, 1))
     right = linear_sum_assignment(off)[1]
     moved = np.flatnonzero(right != np.arange(strips))
-    alike = max(_EXCHANGED, *(5.0 * sigma for sigma in fit.sigma.values()))
+    rise = np.abs(np.diff(runs.l_mm[slanted])).mean() / sensor.length_mm
+    alike = max(_EXCHANGED, 0.5 * rise, *(5.0 * sigma for sigma in fit.sigma.values()))
     if not len(moved) or np.sqrt(off[np.arange(strips), right].max()) > alike:
         return ""
     if np.sqrt(np.diag(off)[moved].min()) < alike:

@@ -177,8 +177,8 @@ def _show_plan(made: Plan, spec: Sensor, wanted: float, place_mm: float) -> None
             f"{made.slanted_mm[-1]:.4g} on the last, which shows exchanged strips; fill in where it lies"
         )
     click.echo(
-        f"{made.count} contacts on each of {spec.strips} strips; corrected readings then lie within "
-        f"+-{made.promise_percent:.2g} % of Vref (95 %) with places exact to {place_mm:g} mm, the reading's own "
+        f"{made.count + bool(made.slanted_mm)} contacts on each of {spec.strips} strips; corrected readings then lie "
+        f"within +-{made.promise_percent:.2g} % of Vref (95 %) with places exact to {place_mm:g} mm, the reading's own "
         "noise not counted"
     )
     if made.floor_percent > wanted:

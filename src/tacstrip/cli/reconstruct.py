@@ -169,13 +169,11 @@ def command(
 
 def _area(text: str) -> float | tuple[float, float]:
     try:
-        mean, *sigma = [number(part) for part in text.split(",")]
+        mean, *sigma = [number(part) for part in text.split(",", 1)]
     except ValueError:
         raise OptionError(
             f"--area {text}: give the area in mm2, or area and standard deviation: 900,50"
         ) from None
-    if len(sigma) > 1:
-        raise OptionError(f"--area {text}: give the area in mm2, or area and standard deviation: 900,50")
     return (mean, sigma[0]) if sigma else mean
 
 

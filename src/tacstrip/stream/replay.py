@@ -31,7 +31,7 @@ from tacstrip.stream.recording.messages import (
 )
 from tacstrip.stream.recording.recorder import ABOUT, FORMAT, POLYGON_TOPICS, SCAN_TOPIC, SPEC, TRACK_TOPIC
 from tacstrip.stream.recording.records import Condition, Records
-from tacstrip.stream.source import RawScan, Shape, TrackedShape
+from tacstrip.stream.source import RawScan
 
 _EPOCH_S = 1e9  # a readings file whose times are above this counts them from 1970
 _STATUS = {topic: status for status, topic in POLYGON_TOPICS.items()}
@@ -116,8 +116,6 @@ class Recording:
     def __iter__(self) -> Iterator[RawScan]:
         """Yield each scan with the polygons and objects over time that follow it."""
         last: RawScan | None = None
-        shapes: list[Shape] = []
-        tracks: list[TrackedShape] = []
         for record in self._rest:
             self._note(record)
             if not isinstance(record, Message) or (channel := self._channels.get(record.channel_id)) is None:
@@ -125,22 +123,23 @@ class Recording:
             schema = self._schemas.get(channel.schema_id, "")
             if channel.topic == SCAN_TOPIC and schema in SCANS.values():
                 if last is not None:
-                    yield replace(last, shapes=tuple(shapes), tracks=tuple(tracks))
+                    yield last
                 time_s = (record.log_time - self.origin_ns) / NANO
                 arrival_s = (record.publish_time - self.origin_ns) / NANO
                 with self._located():
                     last = read_scan(record.data, schema, self.sensor, self.names, time_s)
-                    shapes, tracks = [], []
                 if record.publish_time != record.log_time:
                     last = replace(last, arrival_s=arrival_s)
             elif channel.topic in _STATUS and schema == POLYGON and last is not None:
                 with self._located():
-                    shapes.append(read_polygon(record.data, _STATUS[channel.topic]))
+                    shape = read_polygon(record.data, _STATUS[channel.topic])
+                last = replace(last, shapes=(*last.shapes, shape))
             elif channel.topic == TRACK_TOPIC and schema == TRACK and last is not None:
                 with self._located():
-                    tracks.append(read_track(record.data))
+                    track = read_track(record.data)
+                last = replace(last, tracks=(*last.tracks, track))
         if last is not None:
-            yield replace(last, shapes=tuple(shapes), tracks=tuple(tracks))
+            yield last
 
     def close(self) -> None:
         """Close the file; may be called twice."""

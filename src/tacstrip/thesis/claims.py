@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from typing import TypeAlias
 
 import numpy as np
@@ -23,3 +24,11 @@ def counted(claim: str, good: float, total: float, evidence: str, section: str =
 def checked(claim: str, true: bool | np.bool_, evidence: str, section: str = "5.6") -> Claim:
     """Return a claim that holds or fails as a whole."""
     return counted(claim, bool(true), 1, evidence, section)
+
+
+def passing(
+    pairs: Iterable[tuple[float | None, float | None]], test: Callable[[float, float], bool]
+) -> tuple[int, int]:
+    """Count the pairs of medians that pass a test, and those that are there."""
+    passed = [test(one, other) for one, other in pairs if one is not None and other is not None]
+    return sum(passed), len(passed)

@@ -63,12 +63,7 @@ def reproduce(
     tasks |= {("simulation", n): (_run_row, n, seeds, folder, kind) for n in numbers["simulation"]}
     tasks |= {("experiment", n): (run_experiment, n, seeds) for n in numbers["experiment"]}
     tasks |= {figure: (_draw, figure, folder, kind) for figure in _DRAWN}
-    done: dict[Any, Any] = {}
-    with worker_processes(workers) as pool:
-        futures = {pool.submit(*task): key for key, task in tasks.items()}
-        for future in as_completed(futures):
-            done[futures[future]] = future.result()
-            progress(len(done), len(tasks))
+    done = _all(tasks, workers, progress)
     found = {key: [done[key, number] for number in each] for key, each in numbers.items()}
     claims = judge_claims(found["simulation"]) + judge_chapter6(found["experiment"])
     found |= {"calibration": done["calibration"], "residual": residual_rows(), "prototype": prototype_rows()}
@@ -95,17 +90,28 @@ def reproduce_table(table: str, seeds: int, workers: int | None, progress: Progr
         There is no such table.
     """
     run = {"simulation": _summary, "experiment": run_experiment}
-    found = [(k, n) for k in run for n, row in enumerate(published()[k]) if row["table"] == table]
-    if not found:
+    tasks = {
+        (key, number): (of, number, seeds)
+        for key, of in run.items()
+        for number, row in enumerate(published()[key])
+        if row["table"] == table
+    }
+    if not tasks:
         tables = dict.fromkeys(row["table"] for key in run for row in published()[key])
         raise OptionError(one_of("--table", table, list(tables)))
+    done = _all(tasks, workers, progress)
+    return [{**published()[key][number], "ours": done[key, number]} for key, number in tasks]
+
+
+def _all(tasks: dict[Any, tuple[Any, ...]], workers: int | None, progress: Progress) -> dict[Any, Any]:
+    """Do tasks, each a function and its arguments, in worker processes; return what comes of them by key."""
     done: dict[Any, Any] = {}
     with worker_processes(workers) as pool:
-        futures = {pool.submit(run[key], number, seeds): (key, number) for key, number in found}
+        futures = {pool.submit(*task): key for key, task in tasks.items()}
         for future in as_completed(futures):
             done[futures[future]] = future.result()
-            progress(len(done), len(found))
-    return [{**published()[key][number], "ours": done[key, number]} for key, number in found]
+            progress(len(done), len(tasks))
+    return done
 
 
 def inside_counts(tables: dict[str, Any]) -> dict[str, tuple[int, int]]:

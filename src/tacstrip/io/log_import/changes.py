@@ -32,6 +32,9 @@ _UNIT = re.compile(
 _BARE_UNIT = re.compile(r"(?<![\w.,])(?<!\d\s)(?:[mu\u00b5]V|V_?ref)(?!\w)", re.IGNORECASE)
 _VERSION = re.compile(r"(?<![^\W_])(?:v|ver|version|rev|revision|build)[\s.:]{0,2}\d", re.IGNORECASE)
 _RESOLUTION = re.compile(r"\d\s?-?_?bits?\b|analogReadResolution", re.IGNORECASE)  # of which others ask
+_SENSOR = re.compile(
+    r"(?:sensor|pad|skin|board|module?|device)[\s:=#]*(?:n[or]\.?\s?)?(?:\d+|[A-Z])[:.]?", re.IGNORECASE
+)
 # A change of what touches, or of where: "now pressing", "swapped for pen", "moved to the left end".
 _GAP = rf"(?:\s+{any_of('filler')})*\s+"
 _OF_CONTACT = re.compile(
@@ -92,7 +95,7 @@ def changes_said(
         another = alone and (speaks_of_writing(line) or _is_other_version(line, said))
         own = units and _units_said(line) == units
         if _plain(line) not in above and (
-            tells_of_change(line) or ((another or names_a_unit(line)) and not own)
+            tells_of_change(line) or names_a_sensor(line) or ((another or names_a_unit(line)) and not own)
         ):
             found.append((n, line))
     return tuple(found) if len(found) <= max(_BANNER, _OFTEN * len(inner)) else ()
@@ -175,6 +178,18 @@ def _changes(line: str, *concepts: str) -> bool:
     return said is not None and any(
         m.start() >= said.end() or m.end() <= said.start() for m in finder(*concepts).finditer(line)
     )
+
+
+def names_a_sensor(line: str) -> bool:
+    """Return whether a comment is a sensor's name and nothing else, which is then of the lines below.
+
+    Examples
+    --------
+    >>> [names_a_sensor(t) for t in ("# pad 2", "# Sensor: B", "# pad 2 pressed", "# press 2")]
+    [True, True, False, False]
+    """
+    mark = _MARK.match(line)
+    return mark is not None and _SENSOR.fullmatch(line[mark.end() :].strip()) is not None
 
 
 def names_a_unit(line: str) -> bool:

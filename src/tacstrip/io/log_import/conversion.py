@@ -45,6 +45,7 @@ _OVER_VREF = re.compile(r"\bdivided? by v_?ref", re.IGNORECASE)
 _NUMBER = r"\d+(?:\.\d+)?"
 _ALONE = re.compile(rf"(?<![\w.])(?:[x\u00d7] ?)?({_NUMBER})(?![\w.]*\d)")
 _RATIO = re.compile(rf"(?<![\w.])({_NUMBER}) ?[:/] ?({_NUMBER})(?![\w.])")
+_OHMS = re.compile(rf"(?<![\w.])({_NUMBER}) ?[kKM]?(?:[Oo]hms?\b|\u03a9|\u2126|(?<=[kM])\b)")  # of a divider
 _LONGEST = 100  # characters of a line that are quoted
 _RESOLUTION = re.compile(r"analogReadResolution\((\d+)\)|\b(\d{1,2})[\s_-]?bits?\b", re.IGNORECASE)
 _OF_TIME = re.compile(r"time|clock|count(?:er|ing)|tick|baud|float", re.IGNORECASE)
@@ -101,7 +102,9 @@ def factor(clues: Clues) -> float:
         if not (_SCALED.search(text) or _ratio_alone(line)) or _OVER_VREF.search(text):
             continue
         ratios = [float(a) / float(b) for a, b in _RATIO.findall(text) if float(a) and float(b)]
-        numbers = [float(n) for n in _ALONE.findall(_RATIO.sub(" ", text)) if float(n)]
+        ohms = [float(n) for n in _OHMS.findall(text) if float(n)]
+        ratios += [sum(ohms) / r for r in ohms] if len(ohms) == 2 else []
+        numbers = [float(n) for n in _ALONE.findall(_OHMS.sub(" ", _RATIO.sub(" ", text))) if float(n)]
         if (ratios or numbers) and {*ratios, *numbers} == {1.0}:
             continue
         likely = [max(r, 1.0 / r) for r in ratios] or numbers

@@ -14,7 +14,7 @@ from tacstrip.io.log_import.words import words_of
 
 # What stands for an untouched strip in anybody's log.
 NOTHING = frozenset({"", *words_of("nothing")})
-_NO_NUMBER = re.compile(r"(?:-?nan|n/?a|-[-.]*|\.nan)\s?(?:m?V|ms|s|%|LSB)?", re.IGNORECASE)
+_NO_NUMBER = re.compile(r"(?:-?nan|n/?a|-[-.]*|\.nan|\.{2,}|\u2026)\s?(?:m?V|ms|s|%|LSB)?", re.IGNORECASE)
 _PLAIN = re.compile(r"[+-]?\d+(?:\.\d+)?\Z")
 _NUMBER = re.compile(r"([+-]?)\s*(0x[\da-f]+|[\d.,' ]*\d[.,]?)(e[+-]?\d+)?\s*([a-zµ%‰]*)\Z", re.IGNORECASE)
 _MEASURED = re.compile(
@@ -23,7 +23,6 @@ _MEASURED = re.compile(
 _OVER = re.compile(r"[+-]?9\.9[01]?0*[eE]\+?37(?:\s?V)?")  # what SCPI instruments send above their range
 _DAY_S = 86400.0
 _GARBLED_RUN = 2.5  # letters beyond ASCII next to each other, in the mean
-_GROUPED = re.compile(r"(?<=\d)[ '\u2009\u202f\xa0](?=\d{3}(?!\d))")
 _OF_DAY = r"(?P<h>\d{1,2}):(?P<m>\d\d):(?P<s>\d\d(?:[.,]\d+|:\d{3,6})?)\s*(?P<half>[AaPp]\.?[Mm]\.?)?"
 _DATE = (
     r"(?:(?P<Y>\d{4})[-/.](?P<M>\d\d?)[-/.](?P<D>\d\d?)"
@@ -73,21 +72,6 @@ def is_prose(line: str, names: frozenset[str] | set[str] = frozenset()) -> bool:
     return bool(worded or short) and not names.intersection(words)
 
 
-def is_sentence(line: str) -> bool:
-    """Return whether a line, which stands below a table, is a sentence: words, a full stop, and at most one number.
-
-    Examples
-    --------
-    >>> is_sentence("Scan 3 was a bit harder."), is_sentence("strip 3 h=5.2 l=4."), is_sentence("S3 lost.")
-    (True, False, False)
-    """
-    words = re.findall(r"[^\W\d_]+", line)
-    return bool(
-        re.fullmatch(r"\W*[A-Z].*[.!]\W*", line) and len(words) > 3 and len(re.findall(r"\d+", line)) < 2
-        and not re.search(r"[=:|;]", line)
-    )  # fmt: skip
-
-
 @lru_cache(maxsize=2**16)
 def quantity(text: str, decimal: str = ".") -> tuple[float, str] | None:
     """Return a field's number and unit ("" where it has none); None where it is no number.
@@ -123,21 +107,6 @@ def quantity(text: str, decimal: str = ".") -> tuple[float, str] | None:
         return None
     value = float(f"{sign}{re.sub('[^0-9]', '', whole) or 0}.{rest or 0}{power or ''}")
     return (value, unit) if abs(value) < float("inf") else None
-
-
-def ungrouped(text: str) -> str:
-    """Return a field without the spaces or apostrophes that mark thousands.
-
-    Examples
-    --------
-    >>> ungrouped("2 756,6"), ungrouped("12 34")
-    ('2756,6', '12 34')
-    """
-    return (
-        _GROUPED.sub("", text)
-        if re.match(r"[+-]?\d{1,3}(?:[ '\u2009\u202f\xa0]\d{3})+(?!\d)", text)
-        else text
-    )
 
 
 def number_of(text: str, decimal: str = ".") -> float | None:

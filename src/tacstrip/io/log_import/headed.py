@@ -9,7 +9,7 @@ from collections.abc import Sequence, Set
 from dataclasses import replace
 
 from tacstrip.errors import ReadingError
-from tacstrip.io.log_import.fields import is_prose, is_sentence, is_value, number_of, says_nothing, ungrouped
+from tacstrip.io.log_import.fields import is_prose, is_value, number_of, says_nothing
 from tacstrip.io.log_import.names import READING_UNITS, UNITS, meaning, meanings, unknown_unit
 from tacstrip.io.log_import.table import GARBLED, ContradictionError, Table
 
@@ -84,7 +84,7 @@ def headed(
     above = _last_block([row for _, row in split[:first]])
     above = [row for row in above if len(row) == width and any(row) and not _says_one_number(row)]
     above = above[-_TALLEST_HEADER:]
-    if first < len(split) and (_counts(split[first][1], full[-1]) or _numbers_columns(split[first][1])):
+    if first < len(split) and _numbers_columns(split[first][1]):
         above, first = [*above, split[first][1]], first + 1
     # What is below the names, and has numbers, is no heading, however short.
     names_at = max((n for n, (_, row) in enumerate(split[:first]) if row in above), default=first)
@@ -123,7 +123,7 @@ def headed(
     broken = tuple(
         i for i, text in odd
         if re.search(r"\d", text)
-        and (i in garbled or not (is_prose(text, told_names) or (i > rows[-1][0] and is_sentence(text))))
+        and (i in garbled or not is_prose(text, told_names))
     )  # fmt: skip
     words = len(odd) - len(broken) + len(notes)
     numbers = [
@@ -330,15 +330,6 @@ def _is_note(row: Sequence[str], numeric: Sequence[bool], decimal: str) -> bool:
     )  # fmt: skip
 
 
-def _counts(row: list[str], other: list[str]) -> bool:
-    """Return whether a row only counts strips, all as often, beside fields that are empty there and not below."""
-    counted = [n for n, cell in enumerate(row) if cell]
-    many = Counter(number_of(row[n]) for n in counted)
-    if len(counted) < 2 or counted[0] == 0 or not any(other[: counted[0]]) or len(set(many.values())) > 1:
-        return False
-    return any(set(many) == {float(n + base) for n in range(len(many))} for base in (0, 1))
-
-
 def _says_one_number(row: Sequence[str]) -> bool:
     """Return whether a row says the same number of each column, as "Samples, 14, 14, 14"."""
     numbers = [cell for cell in row[1:] if cell]
@@ -373,7 +364,6 @@ def decimal_mark(rows: Sequence[Sequence[str]]) -> str:
         Both occur, or a comma could be either.
     """
     comma, point = (re.compile(rf"[+-]?\d*\{mark}\d+(?:[eE][+-]?\d+)?(?:\s*[A-Za-z%]+)?") for mark in ",.")
-    rows = [[ungrouped(f) for f in row] for row in rows]
     columns = [
         [f for f in column if number_of(f) is not None or comma.fullmatch(f)]
         for column in zip(*rows, strict=True)

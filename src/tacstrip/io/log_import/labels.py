@@ -8,6 +8,7 @@ from tacstrip.io.log_import.names import meaning
 
 _FEW = 2  # labels: of fewer, a line with a number and a name may be anything
 _BETWEEN = re.compile(r"[,;\t]")
+_FIRST = re.compile(r"\A(\s*\d+)(?:\s*[:=]\s*|\s+)(?=[^\W\d])")  # as in "101 Strip 2 high", "101: ..."
 _NUMBERED = re.compile(r"\D{0,8}?0*(\d+)(?:\s*([\[(][^\])]*[\])]))?")  # as "101 (VDC)" or "CH101"
 
 
@@ -23,7 +24,7 @@ def with_labels(text: str) -> str:
     labels: dict[str, str] = {}
     of_labels: set[int] = set()
     for n, line in enumerate(lines):
-        fields = [f.strip(' "\r') for f in _BETWEEN.split(line)]
+        fields = [f.strip(' "\r') for f in _BETWEEN.split(_FIRST.sub(r"\1,", line))]
         numbers = [f.lstrip("0") for f in fields if f.isdecimal()]
         named = [f for f in fields if not f.isdecimal() and meaning(f).strip is not None]
         words = [f for f in fields if f not in named and not f.isdecimal()]

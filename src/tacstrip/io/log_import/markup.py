@@ -14,7 +14,7 @@ _INSERTED = re.compile(
 )
 _COPIED = re.compile(r"(?ms)^COPY\s+(\S+)\s*\(([^()]*)\)\s+FROM\s+stdin;\s*\n(.*?)^\\\.")
 _CONSTRAINT = re.compile(r"\s*(?:PRIMARY|UNIQUE|FOREIGN|CONSTRAINT|CHECK|KEY|INDEX)\b", re.IGNORECASE)
-_MOST_SPANNED = 10_000  # rows or columns that a cell may span
+_MOST_SPANNED = {"row": 65_534, "col": 1000}  # that a cell may span, as HTML limits it
 
 
 def plain_rows(text: str) -> str:
@@ -58,7 +58,7 @@ def _spread(rows: list[str]) -> list[list[str]]:
         for opened, inner in re.findall(r"<t[dh]\b(.*?)>(.*?)</t[dh]>", row, re.IGNORECASE | re.DOTALL):
             _fill(made, below)
             tall, wide = (
-                min(int(m[1]), _MOST_SPANNED)
+                min(int(m[1]), _MOST_SPANNED[s])
                 if (m := re.search(rf"{s}span\s*=\s*[\"']?(\d+)", opened, re.IGNORECASE))
                 else 1
                 for s in ("row", "col")

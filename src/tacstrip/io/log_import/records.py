@@ -34,7 +34,8 @@ _TOKEN = re.compile(
     | (?P<word>(?:\d{{1,3}}(?=[A-Za-z]{{1,5}}\b))?
         [A-Za-zµ_\u00c0-\u024f][\w/.%-]*(?:\[\d+\])*(?:\s?[\[(][^\])\d]{{0,12}}[\])](?=\s*[:=]))?)
     | (?P<sign>[:=])
-    | (?P<nothing>-{{1,9}}(?=[\s,;|/)\]]|$))
+    | (?P<nothing>-{{1,9}}(?=[\s,;|/)\]]|$)|(?<![^\s,;|/([:=])(?:\.{{1,9}}|[\u2013\u2014\u2026])(?=[\s,;|/)\]]|$))
+    | (?P<mark>(?<=\s)[*_?]{{1,9}}(?=\s|$))
     | (?P<comma>(?<=\d),(?=\d))""",
     re.VERBOSE,
 )
@@ -76,6 +77,7 @@ def items(line: str) -> list[Item]:
     words: list[str] = []
     end = 0  # of the last word
     open_name = False  # values of the last name may follow
+    strips = any(is_strip(w) or meaning(w).role == "strip" for w in re.findall(r"[^\W\d_]+\d*", line))
 
     def close(name: str, told: bool) -> None:
         nonlocal open_name
@@ -91,6 +93,10 @@ def items(line: str) -> list[Item]:
             or (last is not None and (last.channel in CHANNELS or is_strip(words[-1])))
             or (last is not None and bool(last.channel) and text.casefold() in _VOID)  # of "top nil"
         )
+        if kind == "mark" and open_name:
+            return []  # else the values behind it would be taken for other strips
+        if kind == "mark" or (kind == "nothing" and text[0] != "-" and not nothing):
+            continue
         if kind == "word" and not nothing:
             named = line[token.end() :].lstrip()[:1] in (":", "=") and token.end() < len(line)
             void = open_name and not named and not found[-1].values and _is_reading(found[-1].name)
@@ -137,7 +143,8 @@ def items(line: str) -> list[Item]:
                 )  # a label has one value
             newest = found[-1]
             found[-1] = replace(newest, values=(*newest.values, text))
-            if not newest.told:
+            # Of an end alone, as in "H 512 430 | L 300 210", a row of values follows.
+            if not newest.told and (strips or meaning(newest.name).channel not in ("h", "l")):
                 open_name = False
     found = [i for i in found if i.values]
     places = [n for n, item in enumerate(found) if item.name == "strip"]

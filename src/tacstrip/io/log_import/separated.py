@@ -21,7 +21,6 @@ from tacstrip.io.log_import.uneven import (
     are_remarks,
     below_an_index,
     filled_fields,
-    names_columns,
     under_first_names,
     under_more_names,
     untrimmed,
@@ -65,10 +64,14 @@ def separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) -
             for (i, line), m in zip(data, remarked, strict=True)
         ]
     split = [(i, fields_of(line, separator)) for i, line in data]
-    if separator == _WIDE:  # names may stand nearer to each other than numbers
-        near = {i: line.split() for i, line in data}
-        split = [(i, row if len(row) == width or not names_columns(near[i]) else near[i]) for i, row in split]
     split = [(i, row[:-1] if len(row) == width + 1 and not row[-1] else row) for i, row in split]
+    if any(len(row) == width and are_remarks(row[-1:]) for _, row in split):  # which are the rest of a line
+        split = [
+            (i, [*row[: width - 1], f"{separator} ".join(rest)])
+            if len(rest := row[width - 1 :]) > 1 and not any(is_value(c, ".") for c in rest)
+            else (i, row)
+            for i, row in split
+        ]
     marks = [
         n
         for n in range(width)

@@ -23,6 +23,7 @@ _SEPARATED_BY = re.compile(
 )
 _SAID_SEPARATORS = {"tab": "\t", "comma": ",", "semicolon": ";"}
 _MOSTLY = 0.6  # of the lines, where these have several fields
+_EMPTY = '""'
 _FEW_LINES = 4  # of fewer, the length of the last number tells nothing
 
 
@@ -32,10 +33,10 @@ def fields_of(line: str, separator: str) -> list[str]:
         return re.split(r"\s{2,}|\t", line.strip())
     if separator == " ":
         if '"' in line:
-            line = " ".join(
-                re.sub(r"\s+", "_", f) for f in next(csv.reader([line], delimiter=" ", skipinitialspace=True))
-            )
+            split = next(csv.reader([line.strip()], delimiter=" ", skipinitialspace=True))
+            line = " ".join(re.sub(r"\s+", "_", f) or _EMPTY for f in split)
         first, *others = re.sub(r"\[((?:[-+\s\d.eE]|nan)*)\]", r" \1 ", line).split() or [""]
+        others = ["" if f == _EMPTY else f for f in others]
         return [first[:-1] if others and re.fullmatch(r"\d+:", first) else first, *others]
     if "[" in line and '"' not in line:
         line = _ARRAY.sub(lambda m: f'"{m.group()}"', line)

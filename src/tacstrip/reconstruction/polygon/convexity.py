@@ -106,7 +106,7 @@ def follows_convex(
     What a corner or a curve between few strips reads passes for an outlier, for a polygon of as many corners as so few
     readings tell. It is none, nor a second object's, where it is convex with all others. Arguments as of `second_look`.
     """
-    if len(run.problem.k) == 1 or run.selection is None or (distribution is None and run.sigma > MOST_SIGMA):
+    if len(run.problem.k) == 1 or run.selection is None or (distribution is None and run.sigma >= MOST_SIGMA):
         return False
     k = np.stack([readings["kh"], readings["kl"]])
     with np.errstate(divide="ignore", invalid="ignore"):

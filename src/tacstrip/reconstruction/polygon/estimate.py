@@ -23,7 +23,13 @@ from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
 from tacstrip.reconstruction.on_surface import on_surface, refuse_surface
 from tacstrip.reconstruction.polygon.faulty_channel import without_one
 from tacstrip.reconstruction.polygon.objects import FittedContact, reconstruct_object
-from tacstrip.reconstruction.polygon.run import RunFit, RunReadings, fit_run, fit_runs, should_merge
+from tacstrip.reconstruction.polygon.run import (
+    MOST_SIGMA,
+    RunFit,
+    RunReadings,
+    fit_runs,
+    should_merge,
+)
 from tacstrip.reconstruction.polygon.wide_fit import fitted_to_wide_strips
 from tacstrip.reconstruction.posterior.assessment import Effort, check_effort
 from tacstrip.reconstruction.result import Reconstruction
@@ -240,7 +246,7 @@ def fitted_transitions(
     sigma = _sigma(sensor.noise if noise is None else noise, scan, sensor)
     found = []
     for run in scan.runs():
-        of_run = fit_run(sensor, sensor.x_mm[run], {name: scan[name][run]}, sigma)
+        (of_run,) = fit_runs(sensor, [RunReadings(sensor.x_mm[run], {name: scan[name][run]}, sigma)])
         x = np.array([0.0, 1.0]) if of_run.selection is None else of_run.selection.chosen.transitions
         found.append(x * of_run.problem.width_mm + of_run.problem.origin_mm)
     return found
@@ -285,6 +291,11 @@ def _contacts(
             run, readings = fitted_to_wide_strips(
                 fit_thin, run, sensor, every, measured, within, sigma is not None
             )
+        if sigma is None and len(readings) > 1 and run.sigma > MOST_SIGMA:  # do corners pass for noise?
+            likely = RunReadings(x, readings, MOST_SIGMA, margin_mm)
+            (again,) = fit_runs(sensor, [likely], max_vertices, vertices)
+            if again.selection is not None and again.residual_sums[0] <= again.problem.readings:
+                run = again
         run = run if sigma is not None else _at_least_a_step(run, sensor)
         return FittedContact(strips, missing, fitted, readings, margin_mm, vertices, run)
 

@@ -104,6 +104,11 @@ def misfit(
             "what the best outline leaves over hangs together from strip to strip: the contact may be concave, "
             "curved, or two objects on the same strips"
         )
+    if distribution is None and run.sigma == MOST_SIGMA:  # see `estimate`
+        return (
+            f"{run.problem.readings} readings do not tell corners from noise nobody gave; the outline is for noise "
+            f"of {100.0 * MOST_SIGMA:g} % of Vref, more than a sensor that works has: give the noise"
+        )
     if distribution is None and run.sigma > MOST_SIGMA:
         return (
             f"the readings are off by {100.0 * run.sigma:.2g} % of Vref from the best outline, more than noise of "
@@ -156,7 +161,7 @@ def second_look(
         return wrong, None  # of readings that scatter more than the noise given, jumps tell nothing
     open_ = np.count_nonzero(run.excluded & ~contradictory(run, sensor, readings))
     unlike = wrong or open_ or inward or sigma < _SMOOTHED * run.sigma
-    if not unlike or (distribution is None and run.sigma > MOST_SIGMA):
+    if not unlike or (distribution is None and run.sigma >= MOST_SIGMA):
         return wrong, None if wrong else _pair_at_the_ends(run, sensor, readings, sigma)
     if not np.isfinite(sum(readings.values())).any():
         return wrong, None  # no strip has both its ends: nothing tells pieces

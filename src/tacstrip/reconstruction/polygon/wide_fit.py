@@ -22,7 +22,7 @@ from tacstrip.core.vertex_covariance import covariance_with_x_priors
 from tacstrip.errors import ContactError
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.noise_covariance import signature_jacobians
-from tacstrip.reconstruction.polygon.run import ModelInMm, RunFit
+from tacstrip.reconstruction.polygon.run import MOST_SIGMA, ModelInMm, RunFit
 from tacstrip.reconstruction.strip_width import end_slopes, has_corner, remove_width_effect, with_corners
 from tacstrip.sensor.spec import Sensor
 
@@ -145,6 +145,8 @@ def fitted_to_wide_strips(
         Whether sigma is no estimate.
     """
     readings = inner = {name: k[fitted] for name, k in measured.items()}
+    if _hopeless(run, sensor):
+        return run, readings
     for _ in range(_ROUNDS):
         wide = _of_wide_strips(run, sensor, x_mm, measured, fitted)
         outline = run.outline if wide is None else wide.outline
@@ -164,6 +166,12 @@ def fitted_to_wide_strips(
                 )
             return wide or run, readings
     return run, readings
+
+
+def _hopeless(run: RunFit, sensor: Sensor) -> bool:
+    """Whether the outline is off by more than noise and width can add: readings that are no polygon's."""
+    left = math.sqrt(run.residual_sums[0] / max(run.freedom, 1)) * run.sigma
+    return left > max(MOST_SIGMA, sensor.strip_width / sensor.length_mm)
 
 
 def _alike(run: RunFit, other: RunFit) -> bool:
@@ -270,6 +278,8 @@ def _descended(task: _Task, outline: Outline) -> tuple[Outline, FloatArray, IntA
             step = np.linalg.solve(matrix + damping * np.diag(scale), gradient)
             try:
                 there = _moved(outline, step[place])
+                if np.ptp([*there.vertices[:, 1], 0.0, task.sensor.length_mm]) > task.sensor.length_mm:
+                    raise ContactError("a corner is off the sensor")
                 ends, made = task.read(there)
                 left = task.off(there, made)
                 better = bool(left @ left < off @ off)

@@ -41,4 +41,4 @@ def summary(source: Recording, scans: Iterable[RawScan]) -> list[str]:
         by_number = ", ".join(f"object {number} in {scans} scans" for number, scans in sorted(tracks.items()))
         lines.append(f"objects over time: {by_number}")
     shown = ("source", "sensor", "method", "made")
-    return lines + [f"{key}: {text}" for key, text in source.about.items() if key in shown]
+    return lines + [f"{key}: {text}" for key, text in source.about.items() if key in shown and text]

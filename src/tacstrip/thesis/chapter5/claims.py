@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from operator import gt, lt
 from typing import Any
 
@@ -15,7 +15,7 @@ from tacstrip.scan import Scan
 from tacstrip.simulation import simulate
 from tacstrip.thesis.chapter5.ambiguity import AMBIGUOUS, ambiguity_facts
 from tacstrip.thesis.chapter5.tables import WITHIN
-from tacstrip.thesis.claims import Claim, checked, counted
+from tacstrip.thesis.claims import Claim, checked, counted, passing
 from tacstrip.thesis.shapes import POSITIONS, SHAPES, SIMULATED
 
 Tables = list[dict[str, Any]]  # `ours` of each row, in the order of rows()
@@ -78,14 +78,6 @@ def _ideal(ours: Tables) -> Claim:
     return checked("ideal readings give the shape back exactly", worst <= 1e-9, evidence)
 
 
-def _count(
-    pairs: Iterable[tuple[float | None, float | None]], test: Callable[[float, float], bool]
-) -> tuple[int, int]:
-    """Count the pairs of medians that pass a test, and those that are there."""
-    passed = [test(one, other) for one, other in pairs if one is not None and other is not None]
-    return sum(passed), len(passed)
-
-
 def _compare(
     medians: dict[Any, Any], a: str, b: str, test: Callable[[float, float], bool]
 ) -> tuple[int, int]:
@@ -94,7 +86,7 @@ def _compare(
         (s, n) for signature, s, n in medians if signature == a and n != "ideal" and (b, s, n) in medians
     ]
     values = [[medians[(k, *shape)][m]["median"] for k in (a, b)] for shape in shapes for m in ("mc", "ape")]
-    return _count((pair for both in values for pair in zip(*both, strict=True)), test)
+    return passing((pair for both in values for pair in zip(*both, strict=True)), test)
 
 
 def _better(medians: dict[Any, Any], a: str, b: str, claim: str) -> Claim:
@@ -114,7 +106,7 @@ def _regions(medians: dict[Any, Any], position: int, claim: str) -> Claim:
         ours for (signature, _, noise), ours in medians.items() if signature == "kh" and noise != "ideal"
     ]
     values = (ours[metric]["median"] for ours in noisy for metric in ("mc", "ape"))
-    good, total = _count(((v[position], v[POSITIONS // 2]) for v in values), gt)
+    good, total = passing(((v[position], v[POSITIONS // 2]) for v in values), gt)
     evidence = f"position {position + 1} worse than 3 in {good} of {total} medians"
     return counted(claim, good, total, evidence)
 

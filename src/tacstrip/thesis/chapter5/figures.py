@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass
+from operator import itemgetter
 
 import numpy as np
 import numpy.typing as npt
@@ -135,26 +135,6 @@ SHADE = "#dcdcdc"
 _PROFILE_II = 0.01  # of Vref: P.U. profile II (table 5.1)
 
 
-@dataclass(frozen=True)
-class Alignment:
-    """Two turning functions in the alignment of the mismatch coefficient.
-
-    Attributes
-    ----------
-    s
-        Where pieces begin and end, in parts of the perimeter, from 0 to 1 (P + 1,).
-    theta_a, theta_b
-        The turning functions on the pieces (P,) [rad].
-    mc
-        The area between them [rad].
-    """
-
-    s: FloatArray
-    theta_a: FloatArray
-    theta_b: FloatArray
-    mc: float
-
-
 def figure_5_1() -> Figure:
     """Edge of a contact as strips of finite width read it: a stair, as each reads on its centre line."""
     l, u = footprint(SENSOR, OBJECT)
@@ -218,15 +198,15 @@ def figure_5_3() -> Figure:
 
 def figure_5_4() -> Figure:
     """Mismatch coefficient of A and B: the area left between the turning functions at best start and turn."""
-    best = best_alignment(A, B)
+    area, s, theta_a, theta_b = best_alignment(A, B)
     figure, axes = new_axes(6.0, 3.8)
-    axes.stairs(best.theta_a, best.s, baseline=best.theta_b, fill=True, color=TRUE, alpha=0.3)
-    for theta, name in ((best.theta_a, "A"), (best.theta_b, "B")):
+    axes.stairs(theta_a, s, baseline=theta_b, fill=True, color=TRUE, alpha=0.3)
+    for theta, name in ((theta_a, "A"), (theta_b, "B")):
         _, colour, line = _SIDES[name]
-        axes.stairs(theta, best.s, baseline=None, color=colour, linestyle=line, label=f"$\\theta_{name}$")
+        axes.stairs(theta, s, baseline=None, color=colour, linestyle=line, label=f"$\\theta_{name}$")
     _name_turning_axes(axes)
     coefficient = mismatch_coefficient(A, B)
-    axes.set_title(f"shaded: {best.mc:.4f} rad; M.C. = {coefficient:.4f} rad", fontsize=9.0)
+    axes.set_title(f"shaded: {area:.4f} rad; M.C. = {coefficient:.4f} rad", fontsize=9.0)
     return figure
 
 
@@ -242,8 +222,11 @@ def turning_function(corners: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
     return s / s[-1], angle
 
 
-def best_alignment(a: npt.ArrayLike, b: npt.ArrayLike) -> Alignment:
+def best_alignment(a: npt.ArrayLike, b: npt.ArrayLike) -> tuple[float, FloatArray, FloatArray, FloatArray]:
     """Find the start and rotation with the least area between two turning functions.
+
+    Returns that area [rad], where pieces begin and end, in parts of the perimeter, from 0 to 1 (P + 1,), and both
+    functions on the pieces (P,) [rad].
 
     For a start the best turn is the median difference, and the area has its least where a corner of one meets
     a corner of the other: all such starts are tried. `metrics.mismatch_coefficient` gives the area alone.
@@ -251,10 +234,10 @@ def best_alignment(a: npt.ArrayLike, b: npt.ArrayLike) -> Alignment:
     first, second = clean_polygon(a), clean_polygon(b)
     starts = ((i, j) for i in range(len(first)) for j in range(len(second)))
     aligned = (_align(np.roll(first, -i, axis=0), np.roll(second, -j, axis=0)) for i, j in starts)
-    return min(aligned, key=lambda alignment: alignment.mc)
+    return min(aligned, key=itemgetter(0))
 
 
-def _align(a: FloatArray, b: FloatArray) -> Alignment:
+def _align(a: FloatArray, b: FloatArray) -> tuple[float, FloatArray, FloatArray, FloatArray]:
     """Align the turning functions of two polygons that both start at their first corner."""
     (s_a, theta_a), (s_b, theta_b) = turning_function(a), turning_function(b)
     s = np.union1d(s_a, s_b)
@@ -262,7 +245,7 @@ def _align(a: FloatArray, b: FloatArray) -> Alignment:
     on_a, on_b = (t[np.searchsorted(e, middle) - 1] for e, t in ((s_a, theta_a), (s_b, theta_b)))
     order = np.argsort(on_a - on_b)
     median = (on_a - on_b)[order][np.searchsorted(np.cumsum(part[order]), 0.5)]
-    return Alignment(s, on_a, on_b + median, float(part @ np.abs(on_a - on_b - median)))
+    return float(part @ np.abs(on_a - on_b - median)), s, on_a, on_b + median
 
 
 def _draw_skewed_strips(axes: Axes) -> None:

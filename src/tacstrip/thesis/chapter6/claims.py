@@ -11,7 +11,7 @@ import numpy as np
 from tacstrip.data.published import experiments, published
 from tacstrip.thesis.chapter6.tables import recovered_points
 from tacstrip.thesis.chapter6.twin import PLACINGS, REGIONS, centred, nearest_strips, twin
-from tacstrip.thesis.claims import Claim, checked, counted
+from tacstrip.thesis.claims import Claim, checked, counted, passing
 
 Rows = list[dict[str, Any]]  # `ours` of each entry of experiments()
 _MEASURES = ("mc_rad", "aoe", "ape")
@@ -59,9 +59,7 @@ def _of_table(ours: Rows, table: str, calibrated: bool = True) -> dict[str, dict
 
 def _count(pairs: Iterable[tuple[Any, Any]], test: Callable[[float, float], bool] = lt) -> tuple[int, int]:
     """Count the measures whose medians pass a test, and those compared, over pairs of results."""
-    medians = [(one[m]["median"], other[m]["median"]) for one, other in pairs for m in _MEASURES]
-    passed = [test(a, b) for a, b in medians if a is not None and b is not None]
-    return sum(passed), len(passed)
+    return passing(((a[m]["median"], b[m]["median"]) for a, b in pairs for m in _MEASURES), test)
 
 
 def _calibration(ours: Rows, table: str, section: str, claim: str) -> Claim:
