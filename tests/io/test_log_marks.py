@@ -8,7 +8,9 @@ import pytest
 import tacstrip as ts
 from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.guess import propose
+from tacstrip.io.log_import.headed import decimal_mark
 from tacstrip.io.log_import.questions import Unanswered
+from tacstrip.io.log_import.separators import fields_of
 from tacstrip.io.log_import.text import of_text
 
 PAD = ts.Sensor(construction="crs-crs", strips=5, pitch_mm=6.0, length_mm=80.0, vref_volt=5.0, adc_bits=10)
@@ -139,3 +141,14 @@ def test_a_row_that_numbers_columns_is_no_scan() -> None:
     text = "\n".join([",".join(map(str, range(11))), *(",".join(map(str, row)) for row in ROWS)]) + "\n"
     with pytest.raises((Unanswered, ReadingError)):
         values(text, unit="code")
+
+
+def test_thousands_apart_do_not_make_a_comma_of_three_digits_another_mark() -> None:
+    rows = [["2 756,600", "1 001,200"], ["3 001,200", "1 002,400"]]
+    assert decimal_mark(rows) == ","
+    with pytest.raises(ts.ReadingError, match="decimal points"):
+        decimal_mark([["2 756.600"], ["1,500"]])
+
+
+def test_an_empty_quote_at_the_start_is_empty() -> None:
+    assert fields_of('"" 512 ""', " ") == ["", "512", ""]

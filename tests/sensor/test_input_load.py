@@ -26,7 +26,7 @@ def network(l: float, w: float, ratio: float, load: float) -> FloatArray:
     return np.asarray(np.linalg.solve(matrix + np.diag(ground), right)[[high_line, low_line]], float)
 
 
-@pytest.mark.parametrize("ratio", [0.5, 1.0, 2.0])
+@pytest.mark.parametrize("ratio", [0.01, 0.5, 1.0, 2.0, 100.0])
 def test_the_loss_is_that_of_the_network(ratio: float) -> None:
     random = np.random.default_rng(1)
     for _ in range(20):
@@ -35,7 +35,16 @@ def test_the_loss_is_that_of_the_network(ratio: float) -> None:
         read = network(l, w, ratio, 0.01)
         lost = np.array(lost_to_load(np.array(l), np.array(w), ratio, 0.01))
         assert lost == pytest.approx(ideal - read, abs=1e-12)
-        assert np.array(without_load(read[0], read[1], ratio, 0.01)) == pytest.approx(ideal, abs=1e-9)
+        assert np.array(without_load(read[0], read[1], ratio, 0.01)) == pytest.approx(ideal, abs=1e-12)
+
+
+@pytest.mark.parametrize("ratio", [0.01, 1.0, 100.0])
+def test_noise_of_contacts_without_length_stays_as_it_is(ratio: float) -> None:
+    at = np.linspace(0.05, 0.95, 19)
+    read = [at - lost for lost in lost_to_load(at, np.zeros(19), ratio, 0.002)]
+    noisy = np.array(without_load(read[0] - 0.001, read[1] + 0.001, ratio, 0.002))
+    assert np.abs(noisy[1] - noisy[0]).max() < 0.002 * 1.5
+    assert np.abs(noisy - at).max() < 0.001 * 1.5
 
 
 def test_a_contacts_own_resistance_carries_both_currents() -> None:

@@ -15,6 +15,7 @@ MAINS = (50.0, 60.0)  # Hz
 _LINE, _LINE_ONCE = 14.0, 20.0  # times the power at nearby frequencies: a line, not noise; of one segment
 _LINE_ALONE = 100.0  # times, on some strips only: jumps of a contact's ends make 60 on a sound strip
 _LINE_APART, _APART = 20.0, 6.0  # times, and times any other strip's: jumps of a contact are on several
+_OTHERS = 2  # strips read as long: of one, or two at a contact's rim, jumps may be on no other
 _HALF = 4.0  # times, in each half of the recording: a few jumps are no line
 _HUM = 0.0015  # over Vref: amplitude below which hum does not matter
 _SEGMENT_S = 1.0  # in which a line keeps its phase, whatever the clock and the mains do
@@ -167,6 +168,7 @@ def _mains_lines(
         [np.delete(ratio, i, axis=1).max(axis=1, initial=0.0) for i in range(ratio.shape[1])], axis=1
     )
     outstanding = ~once & (ratio > np.maximum(_LINE_APART, _APART * next_loud)) & (amplitude > sigma)
+    outstanding &= (weight > 0.0).sum(axis=1, keepdims=True) > _OTHERS
     loud &= (amplitude > 0.5 * sigma) & ((ratio > _LINE_ALONE) | (apart & outstanding))
     for strip in np.flatnonzero(loud.any(axis=0)):
         j = int(np.argmax(np.where(loud[:, strip], ratio[:, strip], 0.0)))

@@ -192,11 +192,15 @@ def _least_deviation(
 
 
 def _one_noise(alone: FloatArray, relative: FloatArray, since: IntArray) -> BoolArray:
-    """Return of which strips (strips,) differences of orders 2 to 4 tell nearly the same noise."""
+    """Return of which strips (strips,) differences of orders 2 to 4 tell nearly the same noise; all of them have to.
+
+    A strip without readings is no exception: it says nothing.
+    """
     orders = {k: v for k, v in (_THIRD | _OTHERS).items() if k > 1}
     each = [_least_deviation(alone, relative, since, {k: v}) for k, v in orders.items()]
+    unread = ~np.isfinite(alone).any(axis=0)
     with np.errstate(invalid="ignore"):
-        return np.asarray(~(np.min(each, axis=0) < _AGREE * np.max(each, axis=0)))
+        return np.asarray(unread | (np.min(each, axis=0) >= _AGREE * np.max(each, axis=0)))
 
 
 def _deviations(values: FloatArray, since: IntArray, order: int, power: float) -> list[float]:

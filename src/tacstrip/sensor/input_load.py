@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 
 from tacstrip.arrays import FloatArray
-from tacstrip.sensor.closed_form import lower_and_width, sensing_share
+from tacstrip.sensor.closed_form import sensing_share
 
 MOST_LOAD = 0.05  # above it readings are no longer nearly those of a contact
-_STEPS = 5  # each leaves less than twice `load` of the error before it
 
 
 def lost_to_load(
@@ -52,9 +51,35 @@ def lost_to_load(
 
 
 def without_load(kh: FloatArray, kl: FloatArray, ratio: Any, load: float) -> tuple[FloatArray, FloatArray]:
-    """Return k_h and k_l, not clipped, as inputs that draw nothing would read them."""
-    high, low = kh, kl
-    for _ in range(_STEPS if load else 0):
-        of_high, of_low = lost_to_load(*lower_and_width(high, low, 1.0, ratio), ratio, load)
-        high, low = kh + of_high, kl + of_low
-    return high, low
+    """Return k_h and k_l, not clipped, as inputs that draw nothing would read them; NaN where one of them is.
+
+    The inverse of `lost_to_load` of contacts with a length. The readings tell what their inputs draw, and with the
+    contact's ends the currents' balance there gives the energised strip's current below, beside and above the contact.
+
+    Parameters
+    ----------
+    kh, kl
+        As read, over Vref; shapes that broadcast.
+    ratio, load
+        As of `lost_to_load`.
+
+    Examples
+    --------
+    >>> high, low = without_load(np.array(0.7), np.array(0.2), 1.0, 0.002)  # 20 kohm read by 10 Mohm
+    >>> print(f"{high:.4f} {low:.4f}")
+    0.7005 0.2002
+    """
+    if not load:
+        return kh, kl
+    drawn = (1.0 + ratio) * load
+    # The current beside the contact, of both strips: by the readings, and were the contact without length.
+    along = 1.0 + (kh - kl) / ratio
+    half = 0.5 * (1.0 - (kh - kl) * (1.0 + drawn))
+    least = half + np.sqrt(np.maximum(half**2 + drawn * (kh * (kl + drawn * kl) - kl * (1.0 - kh)), 0.0))
+    short = sensing_share(ratio) * np.maximum(
+        least - along, 0.0
+    )  # noise of such contacts, which stays as it is
+    along = np.maximum(along, least)
+    below, above = kl / (along - drawn * kl), (1.0 - kh) / (along + drawn * kh)
+    whole = (below + sensing_share(ratio) * (1.0 - below - above) + above) / (1.0 + short)
+    return 1.0 - above / whole, below / whole

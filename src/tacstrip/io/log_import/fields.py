@@ -23,6 +23,7 @@ _MEASURED = re.compile(
 _OVER = re.compile(r"[+-]?9\.9[01]?0*[eE]\+?37(?:\s?V)?")  # what SCPI instruments send above their range
 _DAY_S = 86400.0
 _GARBLED_RUN = 2.5  # letters beyond ASCII next to each other, in the mean
+_GROUPED = re.compile(r"(?<=\d)[ '\u2009\u202f\xa0](?=\d{3}(?!\d))")
 _OF_DAY = r"(?P<h>\d{1,2}):(?P<m>\d\d):(?P<s>\d\d(?:[.,]\d+|:\d{3,6})?)\s*(?P<half>[AaPp]\.?[Mm]\.?)?"
 _DATE = (
     r"(?:(?P<Y>\d{4})[-/.](?P<M>\d\d?)[-/.](?P<D>\d\d?)"
@@ -107,6 +108,21 @@ def quantity(text: str, decimal: str = ".") -> tuple[float, str] | None:
         return None
     value = float(f"{sign}{re.sub('[^0-9]', '', whole) or 0}.{rest or 0}{power or ''}")
     return (value, unit) if abs(value) < float("inf") else None
+
+
+def ungrouped(text: str) -> str:
+    """Return a field without the spaces or apostrophes that mark thousands.
+
+    Examples
+    --------
+    >>> ungrouped("2 756,6"), ungrouped("12 34")
+    ('2756,6', '12 34')
+    """
+    return (
+        _GROUPED.sub("", text)
+        if re.match(r"[+-]?\d{1,3}(?:[ '\u2009\u202f\xa0]\d{3})+(?!\d)", text)
+        else text
+    )
 
 
 def number_of(text: str, decimal: str = ".") -> float | None:

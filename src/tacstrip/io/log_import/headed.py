@@ -9,7 +9,7 @@ from collections.abc import Sequence, Set
 from dataclasses import replace
 
 from tacstrip.errors import ReadingError
-from tacstrip.io.log_import.fields import is_prose, is_value, number_of, says_nothing
+from tacstrip.io.log_import.fields import is_prose, is_value, number_of, says_nothing, ungrouped
 from tacstrip.io.log_import.names import READING_UNITS, UNITS, meaning, meanings, unknown_unit
 from tacstrip.io.log_import.table import GARBLED, ContradictionError, Table
 
@@ -364,6 +364,7 @@ def decimal_mark(rows: Sequence[Sequence[str]]) -> str:
         Both occur, or a comma could be either.
     """
     comma, point = (re.compile(rf"[+-]?\d*\{mark}\d+(?:[eE][+-]?\d+)?(?:\s*[A-Za-z%]+)?") for mark in ",.")
+    rows = [[ungrouped(f) for f in row] for row in rows]
     columns = [
         [f for f in column if number_of(f) is not None or comma.fullmatch(f)]
         for column in zip(*rows, strict=True)

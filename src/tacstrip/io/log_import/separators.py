@@ -36,7 +36,7 @@ def fields_of(line: str, separator: str) -> list[str]:
             split = next(csv.reader([line.strip()], delimiter=" ", skipinitialspace=True))
             line = " ".join(re.sub(r"\s+", "_", f) or _EMPTY for f in split)
         first, *others = re.sub(r"\[((?:[-+\s\d.eE]|nan)*)\]", r" \1 ", line).split() or [""]
-        others = ["" if f == _EMPTY else f for f in others]
+        first, *others = ["" if f == _EMPTY else f for f in (first, *others)]
         return [first[:-1] if others and re.fullmatch(r"\d+:", first) else first, *others]
     if "[" in line and '"' not in line:
         line = _ARRAY.sub(lambda m: f'"{m.group()}"', line)

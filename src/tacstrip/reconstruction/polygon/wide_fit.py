@@ -170,13 +170,18 @@ def _of_wide_strips(
 ) -> RunFit | None:
     """Return a run whose polygon is the least-squares one on wide strips, near that of the run given.
 
-    None where it has no polygon with an area, or too many vertices, or of one signature would become concave.
+    None where it has no polygon with an area, or too many vertices, reaches the border, or of one signature would
+    become concave.
     """
     if not isinstance(run.model, PolygonFit) or run.selection is None or run.outline is None:
         return None
     if run.model.n_vertices > _CORNERS:
         return None
     outline, problem, selection = run.outline, run.problem, run.selection
+    y = outline.vertices[:, 1]
+    border = 0.5 * sensor.strip_width
+    if y.min() < border or y.max() > sensor.length_mm - border:  # perhaps cut: an outer strip tells no corner
+        return None
     known = np.stack([*measured.values()])
     weight = np.zeros(known.shape)
     weight[:, fitted] = np.where(np.isfinite(known[:, fitted]), problem.root_weight, 0.0)
