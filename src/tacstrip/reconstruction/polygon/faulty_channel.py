@@ -48,6 +48,10 @@ def one_end_off(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray])
     one = (moved.deviations.min(axis=0) <= _STAYS) & (moved.deviations.max(axis=0) >= 2.0 * _STAYS)
     one &= np.abs(moved.off).max(axis=0) >= _GAP
     one |= _ends_there(run, sensor, readings)
+    # Two channels are seldom faulty, and seldom neighbours: an object of two strips is.
+    side = run.excluded & ~railed
+    two = (side[:, 1:] & side[:, :-1]).any(axis=0)
+    one |= np.append(two, False) | np.append(False, two)
     beside = np.pad(left_out & one, 1)
     one[_OUTER:-_OUTER] &= (beside[:-2] | beside[2:])[_OUTER:-_OUTER]
     if sensor.strip_width_mm and (run.excluded & ~railed)[:, [0, -1]].any():
