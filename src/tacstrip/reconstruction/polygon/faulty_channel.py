@@ -33,8 +33,9 @@ _ALONE = 3.0  # times larger, at least, the deviation without any other channel
 def one_end_off(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray]) -> bool:
     """Whether readings were left out of a strip where one end of the contact, and no more, would lie elsewhere.
 
-    Amid strips that agree no object touches a single strip; where few readings are left to check, nothing tells. (At
-    the sensor's border a fault that leaves a reading off ground and Vref does so too, which is rare.)
+    Or the same channel of two neighbours. Amid strips that agree no object touches a single strip; where few readings
+    are left to check, nothing tells. (At the sensor's border a fault that leaves a reading off ground and Vref does so
+    too, which is rare.)
     """
     if not np.count_nonzero(run.excluded):
         return False
@@ -48,7 +49,7 @@ def one_end_off(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray])
     one = (moved.deviations.min(axis=0) <= _STAYS) & (moved.deviations.max(axis=0) >= 2.0 * _STAYS)
     one &= np.abs(moved.off).max(axis=0) >= _GAP
     one |= _ends_there(run, sensor, readings)
-    # Two channels are seldom faulty, and seldom neighbours: an object of two strips is.
+    # Two channels are seldom faulty, and seldom neighbours; an object of two strips reads so.
     side = run.excluded & ~railed
     two = (side[:, 1:] & side[:, :-1]).any(axis=0)
     one |= np.append(two, False) | np.append(False, two)
