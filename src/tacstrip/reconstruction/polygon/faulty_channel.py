@@ -44,7 +44,7 @@ def one_end_off(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray])
     rail = _RAIL * run.sigma
     with np.errstate(invalid="ignore"):
         railed = run.excluded & ((read <= rail) | (read >= 1.0 - rail))
-        inside = (read[0] > read[1]) & ~railed.any(axis=0)
+        inside = (read[0] > read[1] - 2.0 * _STAYS * run.sigma) & ~railed.any(axis=0)
     left_out = run.excluded.any(axis=0) & inside
     one = (moved.deviations.min(axis=0) <= _STAYS) & (moved.deviations.max(axis=0) >= 2.0 * _STAYS)
     one &= np.abs(moved.off).max(axis=0) >= _GAP
