@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -89,3 +91,58 @@ def test_corners_on_few_strips_do_not_pass_for_noise_no_sensor_has() -> None:
         assert mismatch(shape.vertices, found.vertices).iou > 0.85
         assert found.status == "doubtful"
         assert "readings do not tell corners from noise" in found.advice
+
+
+@pytest.mark.parametrize(
+    ("radius", "flat", "named", "least"),
+    [(20.0, 1.0, True, 6), (20.0, 0.6, True, 6), (25.0, 0.6, False, 5)],
+)
+def test_a_faulty_channel_under_a_curve_costs_its_own_reading(
+    radius: float, flat: float, named: bool, least: int
+) -> None:
+    sensor = Sensor(construction="crs-crs", strips=20, pitch_mm=5.0, length_mm=100.0)
+    noise, sure = Noise(positional=0.001), 0
+    told = replace(sensor, without=("10:v_l",)) if named else sensor
+    for i in range(6):
+        contact = _turned_oval(radius, flat, 50.0 + 0.4 * i)
+        scan = simulate(sensor, contact, noise, rng=np.random.default_rng(i))
+        kl = scan["kl"].copy()
+        kl[10] = 0.9
+        (found,) = fit_polygon(Scan(kh=scan["kh"], kl=kl), told, noise, assessment="fast").objects
+        if found.status in ("ok", "likely"):
+            assert mismatch(contact.vertices, found.vertices).iou > 0.9
+            assert found.faulty == (() if named else ("10:v_l",))
+            sure += 1
+    assert sure >= least
+
+
+@pytest.mark.parametrize(
+    ("kh", "kl", "pitch", "length", "half_width"),
+    [
+        # What convex ends leave over, 2.7 % of Vref, is more than any noise, whatever these few readings scatter.
+        pytest.param(
+            [0.5991, 0.6111, 0.6268, 0.5898, 0.5644, 0.5588, 0.5725, 0.5868],
+            [0.5734, 0.5371, 0.5227, 0.3405, 0.241, 0.2249, 0.2739, 0.324],
+            3.8264,
+            122.935,
+            None,
+            id="noise not given",
+        ),
+        # An object of two strips below the other is no pair of faulty channels.
+        pytest.param(
+            [0.7457, 0.7789, 0.8239, 0.8364, 0.8469, 0.8552, 0.7933, 0.7436],
+            [0.7449, 0.7672, 0.7864, 0.4598, 0.4784, 0.7997, 0.7717, 0.7475],
+            4.76523,
+            192.569,
+            0.0019,
+            id="two strips",
+        ),
+    ],
+)
+def test_two_objects_that_no_convex_one_reads_as_are_doubted(
+    kh: list[float], kl: list[float], pitch: float, length: float, half_width: float | None
+) -> None:
+    sensor = Sensor(construction="crs-crs", strips=len(kh), pitch_mm=pitch, length_mm=length)
+    noise = None if half_width is None else Noise(positional=half_width, distribution="normal")
+    (found,) = fit_polygon(Scan(kh=np.array(kh), kl=np.array(kl)), sensor, noise, assessment="fast").objects
+    assert found.status == "doubtful"

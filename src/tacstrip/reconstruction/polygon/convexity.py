@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.core.convex_chain import convex_regression
 from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.core.problem import FitProblem
@@ -72,7 +72,10 @@ def fit_convex(problem: FitProblem, l: FloatArray, u: FloatArray) -> ConvexFit:
     m = np.stack([matrix[g].sum(axis=0) for g in groups])
     near = np.stack([l, u], axis=1)
     total = np.stack([(slope[g] + np.einsum("nij,nj->ni", matrix[g], near[g])).sum(axis=0) for g in groups])
-    z = np.einsum("nij,nj->ni", np.linalg.pinv(m, rcond=1e-10, hermitian=True), total)
+    # Where a strip has one reading, or none, l and u stay near in what it does not tell.
+    z = np.array([near[g].mean(axis=0) for g in groups])
+    told = total - np.einsum("nij,nj->ni", m, z)
+    z += np.einsum("nij,nj->ni", np.linalg.pinv(m, rcond=1e-10, hermitian=True), told)
     found, kinks = z.copy(), [0, 0]
     meets: dict[int, float] = {}
     for _ in range(3):  # with ends free, with one where they meet, with both
@@ -91,7 +94,8 @@ def fit_convex(problem: FitProblem, l: FloatArray, u: FloatArray) -> ConvexFit:
             meets[end] = float((m[end] @ z[end]).sum() / max(m[end].sum(), np.finfo(float).tiny))
     off = found - z
     chi = max(float(np.einsum("ni,nij,nj->", off, m, off)), 0.0)  # rounding may leave it below
-    return ConvexFit(x, found.T, chi, max(2 * len(x) - sum(kinks) - 4, 1))
+    measured = sum(int((problem.weight[:, g] > 0.0).any(axis=1).sum()) for g in groups)
+    return ConvexFit(x, found.T, chi, max(measured - sum(kinks) - 4, 1))
 
 
 def follows_convex(
@@ -100,21 +104,30 @@ def follows_convex(
     outline: Outline,
     sensor: Sensor,
     readings: Mapping[str, FloatArray],
+    faulty: BoolArray,
 ) -> bool:
     """Whether an outline hardly differs from convex l and u that explain all readings, also those left out.
 
     What a corner or a curve between few strips reads passes for an outlier, for a polygon of as many corners as so few
-    readings tell. It is none, nor a second object's, where it is convex with all others. Arguments as of `second_look`.
+    readings tell. It is none, nor a second object's, where it is convex with all others. Arguments as of `second_look`,
+    and which readings (2, n) are not asked, as a faulty channel's.
     """
     if len(run.problem.k) == 1 or run.selection is None or (distribution is None and run.sigma >= MOST_SIGMA):
         return False
-    k = np.stack([readings["kh"], readings["kl"]])
+    k = np.where(faulty, np.nan, np.stack([readings["kh"], readings["kl"]]))
+    read = np.isfinite(k)
     with np.errstate(divide="ignore", invalid="ignore"):
         ends = np.stack(closed_ends(sensor, *k)) / sensor.length_mm
-    if not np.isfinite(ends).all():  # what one reading alone tells is not compared
+    one = read.any(axis=0) & ~read.all(axis=0)  # there an end's place is the other's, too
+    ends[:, one] = _on_strips(outline, run, sensor, run.problem.x[one])
+    if not np.isfinite(ends).all():
         return False
     sigma = deviation(run, distribution, sensor, readings)
-    found = fit_convex(replace(run.problem, k=k, weight=np.full(k.shape, 1.0 / sigma**2)), *ends)
+    weight = np.where(read, 1.0 / sigma**2, 0.0)
+    problem = replace(run.problem, k=np.where(read, k, 0.0), weight=weight)
+    found = fit_convex(problem, *ends)
+    if distribution is None and found.chi_square * sigma**2 > MOST_SIGMA**2 * found.freedom:
+        return False  # two objects make an estimate as large as what convex ends leave over of them
     return found.explains and like(outline, found, run, sensor)
 
 
@@ -132,9 +145,16 @@ def scatter(sensor: Sensor, readings: Mapping[str, FloatArray]) -> float:
 
 def like(outline: Outline, convex: ConvexFit, run: RunFit, sensor: Sensor) -> bool:
     """Whether an outline hardly differs from convex ends on the strips."""
-    x = convex.x * run.problem.width_mm + run.problem.origin_mm
-    own = np.stack([np.interp(x, *chain.T) / sensor.length_mm for chain in (outline.lower, outline.upper)])
+    own = _on_strips(outline, run, sensor, convex.x)
     return float(column_iou(own, np.sort(convex.ends, axis=0))) >= _NEARLY
+
+
+def _on_strips(outline: Outline, run: RunFit, sensor: Sensor, x: FloatArray) -> FloatArray:
+    """Return l and u (2, n) of an outline at x (n,), all in units of the run's problem."""
+    in_mm = x * run.problem.width_mm + run.problem.origin_mm
+    return np.stack(
+        [np.interp(in_mm, *chain.T) / sensor.length_mm for chain in (outline.lower, outline.upper)]
+    )
 
 
 def inward_corners(fit: PolygonFit) -> tuple[list[float], list[float]]:

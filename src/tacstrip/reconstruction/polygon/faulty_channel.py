@@ -33,8 +33,9 @@ _ALONE = 3.0  # times larger, at least, the deviation without any other channel
 def one_end_off(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray]) -> bool:
     """Whether readings were left out of a strip where one end of the contact, and no more, would lie elsewhere.
 
-    Amid strips that agree no object touches a single strip; where few readings are left to check, nothing tells. (At
-    the sensor's border a fault that leaves a reading off ground and Vref does so too, which is rare.)
+    Or the same channel of two neighbours. Amid strips that agree no object touches a single strip; where few readings
+    are left to check, nothing tells. (At the sensor's border a fault that leaves a reading off ground and Vref does so
+    too, which is rare.)
     """
     if not np.count_nonzero(run.excluded):
         return False
@@ -43,11 +44,15 @@ def one_end_off(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray])
     rail = _RAIL * run.sigma
     with np.errstate(invalid="ignore"):
         railed = run.excluded & ((read <= rail) | (read >= 1.0 - rail))
-        inside = (read[0] > read[1]) & ~railed.any(axis=0)
+        inside = (read[0] > read[1] - 2.0 * _STAYS * run.sigma) & ~railed.any(axis=0)
     left_out = run.excluded.any(axis=0) & inside
     one = (moved.deviations.min(axis=0) <= _STAYS) & (moved.deviations.max(axis=0) >= 2.0 * _STAYS)
     one &= np.abs(moved.off).max(axis=0) >= _GAP
     one |= _ends_there(run, sensor, readings)
+    # Two channels are seldom faulty, and seldom neighbours; an object of two strips reads so.
+    side = run.excluded & ~railed
+    two = (side[:, 1:] & side[:, :-1]).any(axis=0)
+    one |= np.append(two, False) | np.append(False, two)
     beside = np.pad(left_out & one, 1)
     one[_OUTER:-_OUTER] &= (beside[:-2] | beside[2:])[_OUTER:-_OUTER]
     if sensor.strip_width_mm and (run.excluded & ~railed)[:, [0, -1]].any():

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.core.ellipse import Ellipse
 from tacstrip.core.outline_model import OutlineModel
 from tacstrip.core.polygon_fit import PolygonFit
@@ -22,7 +22,14 @@ from tacstrip.reconstruction.pieces.chain import Cut
 from tacstrip.reconstruction.pieces.pair import Ends, Pair, likeliest_pair
 from tacstrip.reconstruction.pieces.run import RunPieces, split_run
 from tacstrip.reconstruction.polygon.chi_square import squares_score
-from tacstrip.reconstruction.polygon.convexity import deviation, fit_convex, inward_corners, like, scatter
+from tacstrip.reconstruction.polygon.convexity import (
+    deviation,
+    fit_convex,
+    follows_convex,
+    inward_corners,
+    like,
+    scatter,
+)
 from tacstrip.reconstruction.polygon.faulty_channel import contradictory, one_end_off
 from tacstrip.reconstruction.polygon.run import MOST_SIGMA, RunFit, residual_sums
 from tacstrip.sensor.spec import Sensor
@@ -125,6 +132,26 @@ def _more(run: RunFit) -> str:
     return f"have more corners than {run.problem.readings} readings can tell, "
 
 
+def one_convex(
+    run: RunFit,
+    distribution: str | None,
+    outline: Outline,
+    sensor: Sensor,
+    readings: Mapping[str, FloatArray],
+) -> BoolArray | None:
+    """Return which reading (2, n), if any, is a faulty channel's, where convex ends explain all others; else None.
+
+    Arguments as of `second_look`.
+    """
+    none = np.zeros_like(run.excluded)
+    if follows_convex(run, distribution, outline, sensor, readings, none):
+        return none
+    faulty = contradictory(run, sensor, readings)
+    if np.count_nonzero(faulty) != 1 or one_end_off(replace(run, excluded=faulty), sensor, readings):
+        return None
+    return faulty if follows_convex(run, distribution, outline, sensor, readings, faulty) else None
+
+
 def second_look(
     run: RunFit,
     distribution: str | None,
@@ -132,12 +159,12 @@ def second_look(
     sensor: Sensor,
     wrong: str,
     readings: Mapping[str, FloatArray],
-    convex: bool,
+    convex: BoolArray | None,
 ) -> tuple[str, Pair | None]:
     """Return advice, or none, on an outline of two signatures, of which `wrong` was said, and two objects it may be.
 
     Two signatures tell l and u of every strip. Where convex ones explain them that the outline hardly differs from, it
-    is curved, and no polygon need explain it (`convex`: so `follows_convex` says). Where none do, it is concave, or
+    is curved, and no polygon need explain it (`convex`: what `one_convex` says). Where none do, it is concave, or
     there are several objects.
     """
     selection = run.selection
@@ -147,10 +174,8 @@ def second_look(
     told = run.model_mm.inward
     inward = any(inward_corners(fit)) if told is None else told
     sigma = deviation(run, distribution, sensor, readings)
-    if convex:
-        return "", _pair_at_the_ends(
-            replace(run, excluded=np.zeros_like(run.excluded)), sensor, readings, sigma
-        )
+    if convex is not None:
+        return "", _pair_at_the_ends(replace(run, excluded=convex), sensor, readings, sigma)
     if one_end_off(run, sensor, readings):
         wrong = wrong or (
             "what was left out may be of a second object, or of an overhang: one end of the contact goes on there as "

@@ -24,9 +24,14 @@ from tacstrip.reconstruction.noise_covariance import (
     correlated,
     signature_advice,
 )
-from tacstrip.reconstruction.polygon.convexity import follows_convex
 from tacstrip.reconstruction.polygon.faulty_channel import contradictory
-from tacstrip.reconstruction.polygon.goodness_of_fit import explains, misfit, second_look, weakness
+from tacstrip.reconstruction.polygon.goodness_of_fit import (
+    explains,
+    misfit,
+    one_convex,
+    second_look,
+    weakness,
+)
 from tacstrip.reconstruction.polygon.lone_fault import at_a_rail, beyond_outline
 from tacstrip.reconstruction.polygon.run import ModelInMm, RunFit
 from tacstrip.reconstruction.posterior.assessment import (
@@ -167,9 +172,8 @@ def reconstruct_object(
     if errors is not None and guarantee is None:
         slopes = _by_slopes(model, run, sensor, covariance)
     wrong = misfit(run, distribution, slopes, errors) or (_EMPTY if empty else _MANY if many else "")
-    convex = bool(wrong or np.count_nonzero(run.excluded)) and follows_convex(
-        run, distribution, outline, sensor, contact.readings
-    )
+    asked = wrong or np.count_nonzero(run.excluded)
+    convex = one_convex(run, distribution, outline, sensor, contact.readings) if asked else None
     wrong, pair = second_look(run, distribution, outline, sensor, wrong, contact.readings, convex)
     beyond = beyond_outline(run, contact.readings)
     railed = beyond & at_a_rail(run, contact.readings) if beyond.any() else beyond
@@ -229,8 +233,9 @@ def reconstruct_object(
             right = pair.overlap(outline.vertices) >= PROMISED_IOU
             wrong, note = _two_objects(pair.probability, right, sure)
     faulty = np.zeros_like(run.excluded)
-    if convex:
-        notes = _notes(scan, sensor, contact, around, noise is not None, convex=True)
+    if convex is not None:
+        faulty = convex
+        notes = _notes(scan, sensor, contact, around, noise is not None, faulty, convex=True)
     elif (
         not wrong and (faulty := contradictory(run, sensor, contact.readings) | railed).any()
     ):  # else it may be the outline
