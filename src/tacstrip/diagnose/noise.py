@@ -195,8 +195,8 @@ def _one_noise(alone: FloatArray, relative: FloatArray, since: IntArray) -> Bool
     """Return of which strips (strips,) differences of orders 2 to 4 tell nearly the same noise."""
     orders = {k: v for k, v in (_THIRD | _OTHERS).items() if k > 1}
     each = [_least_deviation(alone, relative, since, {k: v}) for k, v in orders.items()]
-    with np.errstate(invalid="ignore"):
-        return np.asarray(~(np.min(each, axis=0) < _AGREE * np.max(each, axis=0)))
+    silent = np.isnan(each).all(axis=0)  # what few differences of one order tell is not white
+    return np.asarray(silent | (np.min(each, axis=0) >= _AGREE * np.max(each, axis=0)))
 
 
 def _deviations(values: FloatArray, since: IntArray, order: int, power: float) -> list[float]:
