@@ -159,7 +159,6 @@ def _often(work: WorkingCopy, lasting: BoolArray) -> Iterator[Finding]:
     found: dict[str, list[_Seen]] = {}
     for name, values in work.k.items():
         e, both, gap = predict_from_neighbours(values, work.there)
-        e = np.clip(e, 0.0, 1.0)  # a contact over a strip's end reads its rail, however steep the line
         inner = both & (gap < 0.3)
         both[:, [0, -1]] = np.isfinite(e[:, [0, -1]])
         steady = both & (gap < 0.3)
@@ -168,7 +167,8 @@ def _often(work: WorkingCopy, lasting: BoolArray) -> Iterator[Finding]:
             # Beside a contact's rim, noise of a strip that rests makes it count as touched.
             noisy = np.abs(values - rest) < touch + 4.0 * work.sigma
             free[:, [0, -1]] &= ~noisy[:, [0, -1]]
-            out = steady & free & (np.abs(values - e) > _FAR)
+            # A contact over a strip's end reads its rail, however steep the line.
+            out = steady & free & (np.abs(values - np.clip(e, 0.0, 1.0)) > _FAR)
             good = steady & (np.abs(values - e) < _FAR / 2.0)
             clear = out & inner & (np.abs(values - e) > _CLEAR)
         off_line = _Seen(out, good, e, clear, np.zeros_like(out))
