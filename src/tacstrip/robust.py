@@ -47,3 +47,16 @@ def half_sigma(residuals: FloatArray, sign: float) -> FloatArray:
     half = np.where(sign * residuals > 0.0, residuals, np.nan)
     some = np.isfinite(half).any(axis=0)
     return np.where(some, robust_sigma(np.where(some, half, 0.0), axis=0), 0.0)
+
+
+def shortest_half(values: FloatArray) -> float:
+    """Return how long the shortest interval is that holds more than half of the values (n,), n > 0.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> round(shortest_half(np.array([0.1, 0.1, 0.2, 0.9, 0.5])), 4)
+    0.1
+    """
+    ordered, many = np.sort(values), len(values) // 2
+    return float((ordered[many:] - ordered[: len(values) - many]).min())

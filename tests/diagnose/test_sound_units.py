@@ -34,6 +34,9 @@ from tacstrip.sensor.spec import Sensor
         51031,  # taps with strays had a Vref of their own
         51076,  # an offset under contacts of one length was a pair of tied wires
         51083,  # noise beside a rolling bar's rim was an open strip
+        72066,  # over the far end, where the neighbours' line runs beyond the rail: a loose joint
+        74016,  # so was, at the edge, noise of a strip that rests beside a contact's rim
+        73371,  # at the edge, a strip that reads well wherever its neighbours do not: an open one
     ],
 )
 def test_no_finding_on_a_sound_unit(seed: int) -> None:

@@ -16,6 +16,7 @@ from tacstrip.diagnose.neighbour_prediction import (
     predict_from_neighbours,
 )
 from tacstrip.diagnose.regression import passes
+from tacstrip.robust import shortest_half
 
 _INSIDE = 0.15  # over Vref: predictions this far from both rails do not agree with a reading on a rail
 _RAIL = 0.012  # over Vref
@@ -23,6 +24,7 @@ _NEAR_RAIL = 0.08  # over Vref: largest offset of a channel that lies on a rail
 _ALWAYS = 0.9  # of those places: an open end shows wherever the contact is
 _SHARE = 0.4  # of those places: elsewhere the contact bridges the break
 _SPREAD = 0.05  # over Vref: what the neighbours must move for a reading that does not
+_STAYS = 0.01  # over Vref: neighbours that move less in half of the places are covered wholly, too
 _MOVES = 0.2  # over Vref: what the neighbours must move for a reading that should, and does not
 _MOVES_OFTEN, _PASSES = 0.12, 4  # the same of contacts that came so often
 _BELOW = 0.05  # over Vref, of a contact above a cut, and of readings that no limit cuts off
@@ -69,6 +71,8 @@ def on_rails(work: WorkingCopy) -> Iterator[Suspect]:
         free = np.abs(values - rest) <= max(near, _touch(work))
         single |= inside & free & ~free.all(axis=0) & (np.abs(e - rest) - gap > _INSIDE)
     known_places = inside.any(axis=0).sum(axis=0)
+    sound = (np.isfinite(values).all(axis=0) & ~low.all(axis=0) & ~high.all(axis=0)).sum(axis=0)
+    reads_well = sound > (1.0 - _ALWAYS) * np.maximum(work.there.sum(axis=0), 1)
     ground[:, work.touched_without_contact()] = vref[:, work.touched_without_contact()] = False
     for strip in range(work.strips):
         # Of all channels together: one strip on a rail is more likely than two stuck channels.
@@ -79,7 +83,7 @@ def on_rails(work: WorkingCopy) -> Iterator[Suspect]:
         of = inside[:, :, strip].sum(axis=1)
         yield from _open_strip(
             work, strip, ground[:, strip], vref[:, strip], int(known_places[strip]), e[0, :, strip], gain,
-            level[silent[:, strip], strip], e[0, off_rails[:, strip], strip],
+            level[silent[:, strip], strip], e[0, off_rails[:, strip], strip], bool(reads_well[strip]),
         )  # fmt: skip
         yield from _one_channel(work, strip, channels, levels, of, gain)
 
@@ -129,6 +133,7 @@ def _open_strip(
     gain: float,
     silent: FloatArray,
     sound: FloatArray,
+    reads_well: bool,
 ) -> Iterator[Suspect]:
     # A gap between two objects is at any height; one above a cut is below all contacts that read Vref, and one below
     # it, of a strip that is pulled up, above all that read ground.
@@ -142,7 +147,8 @@ def _open_strip(
     on_ground, on_vref = (int(at.sum()) + len(silent) * (at is not far) for at in (ground, vref))
     places += len(silent)
     count = on_ground + on_vref
-    always = count >= _ALWAYS * places
+    # Readings without neighbours tell, too, that no end is open.
+    always = count >= _ALWAYS * places and not reads_well
     # An object over the strip's end does not put two channels on one rail at every place.
     enough = _FEW if always and len(work.k) == 2 else _SOME
     # An object that reaches over the end of one strip does so at one height, or once.
@@ -322,7 +328,9 @@ def clipped(work: WorkingCopy) -> Iterator[Suspect]:
             suspect = work.suspect("saturation", [strip], evidence, numbers, misfit, name, drop)
             # A block's corner passes over a strip while its straight edge stays at one height.
             once = bool(np.ptp(rows[at]) < _ONE_VISIT * len(work.there))
-            yield replace(suspect, doubtful=once)
+            # Part of an object may stay over the strip's end, which reads its rail but for joints and offsets.
+            at_end = min(sign * level, 1.0 - sign * level) < _NEAR_RAIL
+            yield replace(suspect, doubtful=once or at_end)
 
 
 def _saturation_level(
@@ -343,6 +351,7 @@ def _saturation_level(
         or beyond.sum() < _SOME
         or at[beyond].mean() < 0.8
         or _spread(predicted[beyond]) < _SPREAD
+        or shortest_half(predicted[beyond]) < _STAYS
     ):
         return None
     return level, beyond, float((predicted - own)[beyond].mean())

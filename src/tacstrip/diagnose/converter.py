@@ -10,7 +10,7 @@ from tacstrip.arrays import FloatArray
 from tacstrip.diagnose.faults import Finding, Question
 from tacstrip.diagnose.log import Log
 from tacstrip.diagnose.regression import moved_to_and_fro
-from tacstrip.robust import robust_sigma
+from tacstrip.robust import robust_sigma, shortest_half
 
 _OVER = 0.02  # over Vref: what rounding and offsets may add
 _FAR = 0.1  # over Vref: one reading so far out is enough
@@ -27,7 +27,7 @@ _SOME, _SOME_SEEN = 0.4, 0.25  # the same for a question
 _MOVING = 0.6  # of the strips' levels: the contact's lowest reading moves at the others
 _SURE_ALIKE, _ALIKE = 0.03, 0.045  # over Vref: scatter of their levels; more than the first is a question
 _PILE = 3.5  # times as dense as below
-_SLANTED = 0.75  # of the variance of their levels, in a line across the strips
+_SLANTED = 0.75  # of the variance of their levels, in a line or a bow across the strips
 # Steps and over Vref, of noise that would show; over Vref, of ends, where converters stop; readings at a level.
 _RESOLVED, _LEAST_RESOLVED, _ENDS, _CUT_OFF = 1.2, 2e-4, 0.03, 8
 _WHOLE = 1e-3  # of a step: rounding of printed volts
@@ -165,8 +165,7 @@ def _end_level(log: Log, sigma: float) -> tuple[float | None, bool]:
         return None, False
     sure = len(found) >= max(_OFTEN * tested, _SEEN * seen)
     level, pile, moves, across = np.array(found).T
-    # Levels that rise from strip to strip are those of a slanted contact that is lifted there.
-    sure &= bool(np.ptp(level) == 0.0 or np.corrcoef(level, across)[0, 1] ** 2 < _SLANTED)
+    sure &= _in_a_curve(across, level) < _SLANTED
     middle = float(np.median(level))
     scatter = float(robust_sigma(level - middle))
     # One reference and like clamps: where contacts stop by themselves, the levels differ more.
@@ -177,6 +176,18 @@ def _end_level(log: Log, sigma: float) -> tuple[float | None, bool]:
     visits = np.count_nonzero(np.diff(np.flatnonzero(scans)) > _APART * len(top)) + 1
     piled = np.median(pile) > _PILE and np.quantile(moves, _MOVING) > _REST_MOVES and visits >= _VISITS
     return (middle, sure) if piled else (None, False)
+
+
+def _in_a_curve(across: FloatArray, level: FloatArray) -> float:
+    """Return the share of the variance of strips' levels (strips,) that a line, or a parabola but for chance, explains.
+
+    Levels that rise from strip to strip are of a slanted contact that is lifted there; in a bow, of one that circles.
+    """
+    if np.ptp(level) == 0.0:
+        return 0.0
+    many, x = len(level), across - across.mean()
+    left = [float(np.var(level - np.polyval(np.polyfit(x, level, n), x)) / np.var(level)) for n in (1, 2)]
+    return max(1.0 - left[0], 1.0 - left[1] * (many - 1) / max(many - 3, 1))
 
 
 def common_ceiling(log: Log, sigma: float) -> Iterator[Finding]:
@@ -203,23 +214,34 @@ def single_ceilings(log: Log, sigma: float) -> Iterator[Finding]:
     if sigma < max(_RESOLVED * log.sensor.adc_step, _LEAST_RESOLVED):
         return
     for name, raw in log.raw.items():
+        touched = np.pad(np.where(log.touched, raw, np.nan), ((0, 0), (1, 1)), constant_values=np.nan)
         for strip in np.flatnonzero(log.touched.any(axis=0)).tolist():
-            values = raw[log.touched[:, strip], strip]
-            values = values[np.isfinite(values)]
+            values, beside = touched[:, strip + 1], touched[:, [strip, strip + 2]]
+            beside, values = beside[np.isfinite(values)], values[np.isfinite(values)]
             for sign, side in ((1.0, "above"), (-1.0, "below")) if len(values) >= _ENOUGH else ():
                 level = float((sign * values).max())
                 if not _ENDS < sign * level < 1.0 - _ENDS:
                     continue
-                at, below, _ = _count_at_level(
-                    [sign * values[:, None]], level, 0.6 * log.sensor.adc_step + 1e-9, 3.0 * sigma
-                )
-                if at >= _CUT_OFF and at > 3 * below:
+                tie = 0.6 * log.sensor.adc_step + 1e-9
+                at, below, _ = _count_at_level([sign * values[:, None]], level, tie, 3.0 * sigma)
+                if (
+                    at >= _CUT_OFF
+                    and at > 3 * below
+                    and _scatter(beside[sign * values >= level - tie], sigma)
+                ):
                     evidence = (
                         f"{at} readings are just {sign * level:.5g} Vref and none is {side}; noise alone would "
                         f"spread them by {100 * sigma:.2g} %"
                     )
                     numbers = {"level": sign * level, "readings": float(at)}
                     yield Finding("saturation", (strip,), evidence, numbers, name)
+
+
+def _scatter(beside: FloatArray, sigma: float) -> bool:
+    """Whether a strip beside (scans, 2) does; strips that are covered wholly stay, with less noise than sigma."""
+    known = [v[(v > _ENDS) & (v < 1.0 - _ENDS)] for v in beside.T]  # off the rails, which cut off noise, too
+    lengths = [shortest_half(v) for v in known if len(v) >= _CUT_OFF // 2]
+    return not lengths or max(lengths) > sigma / 2.0
 
 
 def _count_at_level(values: list[FloatArray], level: float, tie: float, near: float) -> tuple[int, int, int]:

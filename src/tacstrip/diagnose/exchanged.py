@@ -172,8 +172,8 @@ def _spread_of_offsets(off: FloatArray) -> float:
     if many < _STRIPS:
         return _OWN_OFFSETS[1]
     each = np.nanmedian(off[:, enough], axis=0)
-    # Of few strips a deviation is hardly known.
-    return float(np.clip((1.0 + _STRIPS / many) * robust_sigma(each - np.median(each)), *_OWN_OFFSETS))
+    few = max(2 * _STRIPS / many, 1.0)  # of which a deviation is hardly known
+    return float(np.clip(few * robust_sigma(each - np.median(each)), *_OWN_OFFSETS))
 
 
 def _swap_wires(work: WorkingCopy, strip: int) -> None:

@@ -149,6 +149,11 @@ def _never_good(work: WorkingCopy) -> BoolArray:
 def _often(work: WorkingCopy, lasting: BoolArray) -> Iterator[Finding]:
     """Yield channels that drop out in many scans; those of strips that are `lasting` do not."""
     rest = (work.sensor.rest_volt or 0.0) / work.sensor.vref_volt
+    touch = (
+        (work.sensor.touch_volt or 0.0) / work.sensor.vref_volt
+        if work.sensor.rest_volt is not None
+        else -np.inf
+    )
     near = max(_FREE, 5.0 * work.sigma)
     gone = _gaps(work)
     found: dict[str, list[_Seen]] = {}
@@ -159,7 +164,11 @@ def _often(work: WorkingCopy, lasting: BoolArray) -> Iterator[Finding]:
         steady = both & (gap < 0.3)
         free = np.any([np.abs(values - level) < near for level in {0.0, rest, 1.0}], axis=0)
         with np.errstate(invalid="ignore"):
-            out = steady & free & (np.abs(values - e) > _FAR)
+            # Beside a contact's rim, noise of a strip that rests makes it count as touched.
+            noisy = np.abs(values - rest) < touch + 4.0 * work.sigma
+            free[:, [0, -1]] &= ~noisy[:, [0, -1]]
+            # A contact over a strip's end reads its rail, however steep the line.
+            out = steady & free & (np.abs(values - np.clip(e, 0.0, 1.0)) > _FAR)
             good = steady & (np.abs(values - e) < _FAR / 2.0)
             clear = out & inner & (np.abs(values - e) > _CLEAR)
         off_line = _Seen(out, good, e, clear, np.zeros_like(out))
@@ -171,7 +180,7 @@ def _often(work: WorkingCopy, lasting: BoolArray) -> Iterator[Finding]:
             silent = silent & both & (gap < 0.3)
         if work.sensor.rest_volt is not None:
             # A contact may read as rest does; beside strips that rest, a free wire has its own level instead.
-            silent &= np.abs(e - rest) > 2.0 * (work.sensor.touch_volt or 0.0) / work.sensor.vref_volt
+            silent &= np.abs(e - rest) > 2.0 * touch
             alone, rails = _alone(work.there), np.minimum(np.abs(values), np.abs(values - 1.0)) < near
             lone = alone & work.there & rails
             often = lone.sum(axis=0) > _MOST_ALONE

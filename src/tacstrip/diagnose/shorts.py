@@ -154,13 +154,12 @@ def _flattened(
             own, usual, places = alike[strip]
             evidence = (
                 f"they read one voltage: beside their offsets they differ by {100 * own:.2g} % of Vref, as noise does, "
-                f"over {places} places, {bridge.strength:.2g} times as flat as one conductor, which explains "
-                f"{bridge.gain / max(others, 1e-9):.2g} times as much as between other strips"
+                f"over {places} places, {bridge.strength:.2g} times as flat as one conductor, "
+                f"{_held_against(bridge, others)}"
             )
             numbers = {"differ": own, "others": usual, "places": float(places), "gain": bridge.gain}
-            doubtful = bridge.gain < _BENT_SURELY or _odds_of_flat(work, strip) < _least_odds(
-                work, strip, _ODDS
-            )
+            doubtful = bridge.gain < _BENT_SURELY or not others
+            doubtful |= _odds_of_flat(work, strip) < _least_odds(work, strip, _ODDS)
             suspect = work.suspect("short", [strip, strip + 1], evidence, numbers, usual)
             yield strip, replace(suspect, doubtful=doubtful)
 
@@ -333,12 +332,11 @@ def _bridged_energised(work: WorkingCopy) -> Iterator[tuple[int, Suspect]]:
         if size > _LEAST and moved_to_and_fro(_known(_level(values, strip)), work.sigma, _HIGH_AND_LOW):
             evidence = (
                 f"both read {100 * most:+.3g} to {100 * least:+.3g} % of Vref off their neighbours' line from height "
-                f"to height, {bridge.strength:.2g} times the effect of an ideal bridge, which explains "
-                f"{bridge.gain / max(others, 1e-9):.2g} times as much as between other strips"
+                f"to height, {bridge.strength:.2g} times the effect of an ideal bridge, {_held_against(bridge, others)}"
             )
             numbers = {"most": most, "least": least, "strength": bridge.strength, "gain": bridge.gain}
             suspect = work.suspect("short", [strip, strip + 1], evidence, numbers, size)
-            yield strip, replace(suspect, doubtful=bridge.gain < _TIMES * others)
+            yield strip, replace(suspect, doubtful=bridge.gain < _TIMES * others or not others)
 
 
 @dataclass(frozen=True)
@@ -348,6 +346,12 @@ class _Bridge:
     strength: float
     gain: float
     which: int
+
+
+def _held_against(bridge: _Bridge, others: float) -> str:
+    if not others:
+        return "but no other strips bend that it could be held against"
+    return f"which explains {bridge.gain / others:.2g} times as much as between other strips"
 
 
 def _outstanding(
