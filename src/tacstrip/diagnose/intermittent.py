@@ -85,7 +85,7 @@ def _anywhere(work: WorkingCopy, lines: list[FloatArray], away: BoolArray, strip
         out, good = gone & under, line[~gone, strip]
         line, high = line[:, strip], np.where(work.there[:, strip], values[:, strip], rest) >= 0.5
         for side in (out & high & (line < 1.0 - _CLEAR), out & ~high & (line > _CLEAR)):
-            if np.isfinite(line[side]).sum() >= _FEW_OUT and not _mixed(line[side], good):
+            if np.isfinite(line[side]).sum() >= _FEW_OUT and not mixed_heights(line[side], good):
                 return False
     return True
 
@@ -247,7 +247,7 @@ class _Seen:
         # Where the neighbours read as a free wire does, good readings prove nothing.
         levels = (read < 0.5, line > _FAR), (read >= 0.5, line < 1.0 - _FAR), (np.isnan(read), line > -1.0)
         mixed = [
-            _mixed(line[out & side], line[good & apart])
+            mixed_heights(line[out & side], line[good & apart])
             for side, apart in levels if (out & side).sum() >= _FEWEST
         ]  # fmt: skip
         return (share, gaps, int(self.jumps[strip])) if mixed and all(mixed) else None
@@ -270,7 +270,7 @@ def _alone(there: BoolArray) -> BoolArray:
     return np.asarray(~padded[:, :-2] & ~padded[:, 2:])
 
 
-def _mixed(out: FloatArray, good: FloatArray) -> bool:
+def mixed_heights(out: FloatArray, good: FloatArray) -> bool:
     """Whether dropouts come at the same heights as good readings do."""
     out, good = np.sort(out[np.isfinite(out)]), np.sort(good[np.isfinite(good)])
     if not len(out) or not len(good):

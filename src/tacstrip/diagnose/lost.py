@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from tacstrip.arrays import BoolArray
+from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.diagnose.faults import Finding, Question
+from tacstrip.diagnose.intermittent import mixed_heights
 from tacstrip.diagnose.neighbour_prediction import WorkingCopy, strips_beside
 from tacstrip.diagnose.regression import passes
 
@@ -22,8 +23,8 @@ _MOST = 2  # strips: more are gaps between objects
 def lost(work: WorkingCopy) -> tuple[list[Finding], list[Question]]:
     """Find strips that read no contact for a stretch, while one contact moves over them and over both neighbours.
 
-    One object has no gap there, and a gap between two stays between them: it moves with the contact's middle. What a
-    strip lacks then is marked in the working copy as touched, without a reading.
+    One object has no gap there, and a gap between two stays between them: it moves with the contact's middle. What
+    a strip lacks then is marked in the working copy as touched, without a reading.
 
     Parameters
     ----------
@@ -36,7 +37,7 @@ def lost(work: WorkingCopy) -> tuple[list[Finding], list[Question]]:
         The latter where the contact hardly moves across meanwhile, as two objects side by side do; beside its rim
         neither.
     """
-    over = _should_read(work)
+    over, heights = _should_read(work), _heights(work)
     there = work.there.copy()  # strays last for one scan
     there[1:-1] &= there[2:] | there[:-2]
     left, right = strips_beside(work.there), strips_beside(work.there[:, ::-1])[:, ::-1]
@@ -49,6 +50,9 @@ def lost(work: WorkingCopy) -> tuple[list[Finding], list[Question]]:
         across = over[:, strip] & ~inside
         good = int((across & work.there[:, strip]).sum())
         if gap.sum() < _FEWEST or good < max(_FEWEST, (1.0 - _SOUND) * across.sum()):
+            continue
+        read = across & work.there[:, strip]
+        if _cut(work, heights, strip, gap, read):
             continue
         low, high = np.quantile((right - left)[gap, strip], [_STRAY, 1.0 - _STRAY])
         amid = float(np.mean(np.minimum(left, right)[gap, strip] >= _AMID)) > 1.0 - _STRAY
@@ -73,6 +77,25 @@ def lost(work: WorkingCopy) -> tuple[list[Finding], list[Question]]:
             asked.append(Question((number,), ("intermittent",), evidence))
         work.there[gap, strip] = True
     return findings, asked
+
+
+def _cut(work: WorkingCopy, heights: list[FloatArray], strip: int, gap: BoolArray, read: BoolArray) -> bool:
+    """Whether a strip may be cut: then of two channels one is never right, and a single one is not on one side."""
+    if len(heights) == 1:
+        return not mixed_heights(heights[0][gap, strip], heights[0][read, strip])
+    off = [
+        values[read, strip] - line[read, strip] for values, line in zip(work.k.values(), heights, strict=True)
+    ]
+    return float(np.mean(np.abs(off).max(axis=0) < _ONE_CONTACT)) < 1.0 - _SOUND
+
+
+def _heights(work: WorkingCopy) -> list[FloatArray]:
+    """Return what a strip's neighbours read on average, by signature (scans, strips)."""
+    every = [
+        np.pad(np.where(work.there, values, np.nan), ((0, 0), (1, 1)), constant_values=np.nan)
+        for values in work.k.values()
+    ]
+    return [0.5 * (level[:, :-2] + level[:, 2:]) for level in every]
 
 
 def _should_read(work: WorkingCopy) -> BoolArray:
