@@ -116,8 +116,8 @@ def health_figure(log: Log, report: Report) -> Figure:
         noise.axhline(median, color="#b3400a", linewidth=1.0, label=f"median channel: +-{median:.2g} %")
         legend(noise, loc="lower right")
     else:
-        why = "not measured: it needs scans of a touched strip that follow each other closely"
-        noise.text(0.5, 0.5, why, transform=noise.transAxes, ha="center", va="center")
+        why = "not measured: it needs scans\nthat follow each other closely"
+        noise.text(0.5, 0.22, why, transform=noise.transAxes, ha="center", va="center", fontsize="small")
     noise.set(ylabel="noise [+-% of Vref],\nnoisier channel", xlabel="strip")
     for panel in (readings, noise):
         panel.set_xlim(strips[0] - 0.6, strips[-1] + 0.6)
