@@ -390,6 +390,28 @@ def test_a_doubtful_strip_of_one_press_on_one_channel_is_asked_about() -> None:
     read[:, 5] -= 0.2
     report = diagnose(Log.of(RUBBER, log.time_s, {"kl": read}))
     assert [q.strips for q in report.questions] == [(5,)]
+    assert [report.condition(i) for i in (4, 5)] == ["ok", "asked"]
+
+
+def test_a_silent_strip_in_question_is_not_called_never_touched() -> None:
+    presses = [ts.Contact.polygon([(9.0, 60.0), (69.0, 70.0), (69.0, 180.0), (9.0, 150.0)])] * 6
+    log = faulty_log(RUBBER, presses, noise=FAINT)
+    raw = {name: values.copy() for name, values in log.raw.items()}
+    for values in raw.values():
+        values[:, 5] = np.nan
+    report = diagnose(Log.of(RUBBER, log.time_s, raw))
+    assert [q.strips for q in report.questions] == [(5,)]
+    never = next(said for said in report.unchecked if "never touched" in said)
+    assert " 5" not in never
+
+
+def test_one_channel_on_vref_under_one_press_is_asked_about_as_stuck() -> None:
+    presses = [ts.Contact.polygon([(9.0, 60.0), (69.0, 70.0), (69.0, 180.0), (9.0, 150.0)])] * 6
+    log = faulty_log(RUBBER, presses, noise=FAINT)
+    raw = {name: values.copy() for name, values in log.raw.items()}
+    raw["kh"][:, 5] = 1.0
+    (question,) = diagnose(Log.of(RUBBER, log.time_s, raw)).questions
+    assert (question.strips, question.signature, question.causes) == ((5,), "kh", ("stuck",))
 
 
 @pytest.mark.parametrize(

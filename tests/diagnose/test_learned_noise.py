@@ -135,6 +135,30 @@ def test_untouched_strips_tell_the_converters_noise_only() -> None:
     assert found.noise.edge_mm == 0.0
 
 
+@pytest.mark.parametrize(("strips", "sides"), [(5, 4), (6, 4), (7, 4), (7, 5), (9, 5), (8, 4)])
+def test_the_misfit_of_a_wrong_shape_on_few_strips_is_no_noise(strips: int, sides: int) -> None:
+    """Six strips under a quadrilateral tell a triangle only, whose misfit was a wander of 10 % of Vref once."""
+    sensor = ts.Sensor(construction="crs-crs", strips=12, pitch_mm=8.0, length_mm=90.0)
+    around = 2.0 * np.pi * np.arange(sides) / sides + 0.4
+    shape = np.stack([np.cos(around), np.sin(around)], axis=1)
+    wide = 4.0 * (strips - 0.5) / np.abs(shape[:, 0]).max()
+    contact = ts.Contact.polygon(np.array([48.0, 45.0]) + shape * [wide, 26.0])
+    noise = ts.Noise(positional=0.004)
+    scans = [ts.simulate(sensor, contact, noise, rng=900 + i, time_s=0.5 * i) for i in range(140)]
+    found = learn_noise(Log.of_scans(sensor, scans))
+    assert found.noise.white == pytest.approx(0.004 / np.sqrt(3.0), rel=0.06)
+    assert max((sigma for sigma, _ in found.noise.processes), default=0.0) < 0.003
+    assert found.noise.edge_mm < 0.3
+
+
+def test_a_shape_that_is_wrong_by_more_than_noise_is_said() -> None:
+    scans = [ts.simulate(SENSOR, CONTACT, ts.Noise(white=0.003), rng=i, time_s=0.5 * i) for i in range(140)]
+    found = learn_noise(Log.of_scans(SENSOR, scans), vertices=3)
+    assert (found.noise.edge_mm, found.noise.processes) == (0.0, ())
+    assert "static" not in found.sure
+    assert any("too far for noise" in said for said in found.unidentifiable)
+
+
 # Over time.
 
 

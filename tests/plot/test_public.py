@@ -6,6 +6,7 @@ import functools
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import matplotlib as mpl
@@ -19,7 +20,7 @@ from drawn import check_texts, draw
 from tacstrip import plot
 from tacstrip.calibrate.unit import Calibrated
 from tacstrip.design.limits import limit_map, limits, outline_of
-from tacstrip.diagnose import FAULTS, Finding, Log, Report
+from tacstrip.diagnose import FAULTS, Finding, Log, Question, Report
 from tacstrip.diagnose.faults import Quality
 from tacstrip.plot.bounds import limits_figure
 from tacstrip.plot.layers import layers_figure
@@ -61,6 +62,13 @@ def _report(strips: int, faults: dict[str, tuple[int, ...]]) -> Report:
     quality = Quality(NAN, np.full(strips, NAN), NAN, "", NAN, steady=False)
     findings = tuple(Finding(name, where, "measured") for name, where in faults.items())
     return Report(findings, (), (), (), quality, np.ones(strips, dtype=np.int64), 1.0, 10, 1)
+
+
+def _asked() -> Report:
+    every = _report(6, {"stuck": (1,), "hum": (2,)})
+    return replace(
+        every, questions=(Question((3,), ("stuck",), "read"),), touched_scans=np.array([1, 1, 1, 1, 1, 0])
+    )
 
 
 def _track(number: int) -> ts.Track:
@@ -112,6 +120,7 @@ PICTURES: dict[str, Callable[[], Axes | tuple[Axes, ...]]] = {
     "calibration of one strip": lambda: plot.calibration(_calibrated(1)),
     "healthy": lambda: plot.health(_report(3, {})),
     "all is wrong": lambda: plot.health(_report(1000, dict.fromkeys(FAULTS, (7, 500)))),
+    "in question": lambda: plot.health(_asked()),
     "tracks": lambda: plot.track([_track(i) for i in range(1, 8)], SENSOR),
     "no tracks": lambda: plot.track([], SENSOR),
     "skin": lambda: plot.skin(SENSOR),

@@ -26,8 +26,8 @@ def command(file: Path, sensor: str | None, as_json: bool, plot: Path | None) ->
     """Say what is wrong with the hardware that made FILE: readings (CSV) or a recording (.mcap).
 
     Needs a contact four strips wide or more that goes across and along all strips and turns; docs/guide/doctor.md says
-    which fault needs what, and the report lists what was not checked. Exit code 0: no fault found; 1: faults found;
-    2: bad input.
+    which fault needs what, and the report lists what was not checked. Exit code 0: no fault found, even if
+    questions are open; 1: faults found; 2: bad input.
 
     Example: tacstrip doctor readings.csv --sensor sensor.toml --plot health.png
     """
@@ -60,8 +60,9 @@ def _lines(log: Log, report: Report) -> Iterator[str]:
     yield _noise(report)
     for reason in report.unchecked:
         yield f"Not checked: {reason}."
-    count = len(report.findings)
-    yield f"{count} fault(s) found" if count else "No fault found, as far as this recording shows"
+    count, asked = len(report.findings), len(report.questions)
+    last = f"{count} fault(s) found" if count else "No fault found, as far as this recording shows"
+    yield f"{last}; {asked} question(s) open: a fault or not, see above" if asked else last
 
 
 def _sentence(report: Report, finding: Finding) -> str:
@@ -84,7 +85,8 @@ def _noise(report: Report) -> str:
         worst = int(np.nanargmax(noise.strips))
         percent = 100.0 * math.sqrt(3.0) * noise.strips[worst]
         text += f"; strip {worst + report.strip_base} is the noisiest, +-{percent:.2g} %"
-    text += f"; for other verbs: --positional {half / 100.0:.2g}"
+    if noise.steady:  # a bound that motion is in is no noise to go by
+        text += f"; for other verbs: --positional {half / 100.0:.2g}"
     if math.isfinite(noise.vertex_rms_mm):
         text += f"; corners of a typical contact to {noise.vertex_rms_mm:.3g} mm RMS at best"
     return text if noise.steady else text + " (the scan rate is too low to separate noise from motion)"

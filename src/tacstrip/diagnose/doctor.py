@@ -118,10 +118,15 @@ def diagnose(log: Log) -> Report:
     noisy = [f for f in excess_noise(noise) if f.strips not in loud]  # hum is noise too
     late = [f for f in (*drifting, *noisy) if not pressed and not known & set(f.strips)]
     findings = [*bits, *reference, *ceiling, *removed, *humming, *late]
+    asked = (
+        (*unsure, *_questions(rows, known, [*doubted, *moving]))
+        if geometric and not (pressed or ceiling)
+        else ()
+    )
     unchecked = [
         log.missing,
         _pauses(log.time_s),
-        *_not_checked(part, rows, known),
+        *_not_checked(part, rows, known, {i for q in asked for i in q.strips}),
         "intermittent contacts: the rest level is not given" if at_rest and geometric else "",
         no_bits,
         no_hum,
@@ -130,9 +135,7 @@ def diagnose(log: Log) -> Report:
     return Report(
         findings=tuple(sorted(findings, key=lambda f: (_WORST[f.kind.severity], f.strips))),
         notes=(*together, *_notes(log, rows, at_rest)),
-        questions=(*unsure, *_questions(rows, known, [*doubted, *moving]))
-        if geometric and not pressed and not ceiling
-        else (),
+        questions=asked,
         unchecked=tuple(reason for reason in unchecked if reason),
         quality=quality(log.sensor, noise),
         touched_scans=log.touched.sum(axis=0),
@@ -246,8 +249,8 @@ def _offset(expected: FloatArray, off: FloatArray, sigma: float) -> float:
     return float(middle) if low * high > 0.0 else 0.0
 
 
-def _not_checked(log: Log, work: WorkingCopy, ill: set[int]) -> Iterator[str]:
-    """Yield what this recording could not show; `ill` are strips that are named already."""
+def _not_checked(log: Log, work: WorkingCopy, ill: set[int], asked: set[int]) -> Iterator[str]:
+    """Yield what this recording could not show; `ill` are strips that are named already, `asked` those in question."""
     base = log.sensor.strip_base
     silent = left_out_wholly(log.sensor)
     if silent.any():
@@ -259,7 +262,7 @@ def _not_checked(log: Log, work: WorkingCopy, ill: set[int]) -> Iterator[str]:
     ]
     if single:
         yield f"{', '.join(single)}: left out by the spec (without)"
-    if never := [int(i) + base for i in np.flatnonzero(~log.touched.any(axis=0) & ~silent)]:
+    if never := [int(i) + base for i in np.flatnonzero(~log.touched.any(axis=0) & ~silent) if i not in asked]:
         yield f"{_names(never)}: never touched; move the contact over them"
     if not log.sensor.kind.closed_form:
         yield "open strips, shorts, order, ends: a CRS-CRP sheet's strips shift each other's readings"

@@ -192,11 +192,13 @@ class Report:
         return tuple(f for f in self.findings if strip in f.strips)
 
     def condition(self, strip: int) -> str:
-        """Return "broken", "degraded", "ok", or "unchecked" where nothing ever touched the strip."""
+        """Return "broken", "degraded", "asked" of a strip in question, "ok", or "unchecked": nothing touched it."""
         worst = {f.kind.severity for f in self.of_strip(strip)}
         for severity in ("broken", "degraded"):
             if severity in worst:
                 return severity
+        if any(strip in q.strips for q in self.questions):
+            return "asked"
         return "ok" if self.touched_scans[strip] else "unchecked"
 
     def where(self, finding: Finding | Question) -> str:

@@ -51,6 +51,11 @@ _MOST_SHARED = 0.75  # of a wander's variance
 _FREE = 5  # readings beyond the polygon's numbers, of which something can be told
 _SMALL = 0.02  # of the variance known: less is nothing
 _LEAST_SIGMA = 1e-6  # of Vref
+_WORSE = 4.0  # times the typical residual of the best number of corners: not the contact's number
+_MOST_LASTING = (
+    0.02  # of Vref: errors that last and are larger are a wrong shape's, as ends further off than a pitch
+)
+_TOO_FEW = "too few strips are touched for its shape"
 _APART, _ALIKE, _SURELY = (
     5,
     0.3,
@@ -178,15 +183,13 @@ def learn_noise(log: Log, vertices: int | None = None) -> LearnedNoise:
                 "strips far apart, as of a wander that neighbours share or a contact that creeps, which [noise] cannot "
                 "describe; errors of where the contact ends are not told from it"
             )
-        noise, more = _static(log, noise, period_s, vertices, edges=not like)
+        noise, more, why_not = _static(log, noise, period_s, vertices, edges=not like)
         sure |= more
         unidentifiable.append(
             "a common offset of all channels, a gain's error, and how far all ends lie too far out: press known shapes"
         )
-        if not more:
-            unidentifiable.append(
-                "errors of where the contact ends: too few strips are touched for its shape"
-            )
+        if why_not:
+            unidentifiable.append(f"errors that do not change, such as of where the contact ends: {why_not}")
     else:
         unidentifiable.insert(
             0,
@@ -341,8 +344,11 @@ def _like_neighbours(values: FloatArray, channels: Sequence[str], white: float) 
 
 def _static(
     log: Log, noise: Noise, period_s: float, vertices: int | None, edges: bool = True
-) -> tuple[Noise, dict[str, float]]:
-    """Return the noise with what does not change in time, from the mean scan's distance from the best polygon."""
+) -> tuple[Noise, dict[str, float], str]:
+    """Return the noise with what does not change in time, from the mean scan's distance from the best polygon.
+
+    Also how sure that is, and why nothing was told, if so: a misfit is an error only if no further corner explains it.
+    """
     sensor, count = replace(log.sensor, noise=None), len(log.time_s)
     seldom = log.touched.mean(axis=0) < _TOUCHED
     mean: dict[str, FloatArray] = {}
@@ -353,20 +359,39 @@ def _static(
         sums, many = np.where(near, k, 0.0).sum(axis=0), near.sum(axis=0)
         mean[name] = np.where(seldom, np.nan, sums / np.maximum(many, 1))
     scan = Scan(**mean, time_s=float(log.time_s[0]), averaged=count, span_s=period_s * (count - 1))
-    told: list[tuple[float, ...]] = []
+    told: dict[int, list[tuple[float, ...]]] = {}
+    typical: dict[int, float] = {}
     free = 0
     for tried in _COUNTS if vertices is None else (vertices,):
-        found = fit_polygon(scan, sensor, vertices=tried, assessment="none")
-        if parts := list(_projections(log, scan, found.objects)):
-            told += _likelihoods(log, scan, noise, parts, edges)
+        objects = fit_polygon(scan, sensor, vertices=tried, assessment="none").objects
+        if vertices is None and any(len(found.vertices) != tried for found in objects):
+            continue
+        if parts := list(_projections(log, scan, objects)):
+            told[tried], typical[tried] = _likelihoods(log, scan, noise, parts, edges), _typical(parts)
             free = free or sum(len(p.residuals) - p.slopes.shape[1] for p in parts)
+    # Long smooth errors of ends could make any outline of a triangle; where more corners do much better, it is none.
+    least = min(typical.values(), default=0.0)
+    told = {tried: rows for tried, rows in told.items() if typical[tried] <= _WORSE * least}
     if not told:
-        return noise, {}
-    deviance, own, edge, length = np.array(told).T
+        return noise, {}, _TOO_FEW
+    likeliest = min(told, key=lambda tried: min(told[tried]))
+    if vertices is None and likeliest + 1 not in told:
+        why_not = (
+            f"{_TOO_FEW}, and more than {likeliest} corners cannot be ruled out; --vertices says how many"
+        )
+        return noise, {}, why_not
+    deviance, own, edge, length = np.array([row for rows in told.values() for row in rows]).T
     weight = np.exp(-0.5 * (deviance - deviance.min()))
     weight /= weight.sum()
     # Means over all that the residuals leave possible: the likeliest variance is too small half of the time.
     lasting, soft = math.sqrt(weight @ own**2), math.sqrt(weight @ edge**2)
+    if lasting > _MOST_LASTING or soft > sensor.pitch_mm:
+        off = f"{100.0 * lasting:.2g} % of Vref, or ends by {soft:.2g} mm"
+        return (
+            noise,
+            {},
+            f"the readings lie off the best outline by {off}, too far for noise; is it a polygon?",
+        )
     if lasting**2 > _SMALL * own_variance(noise, sensor, Averaging.of(scan)):
         lasts = max(_SLOW_S, _SLOW * scan.span_s)
         lasting /= math.sqrt(
@@ -377,7 +402,7 @@ def _static(
     noise = replace(
         noise, edge_mm=soft, edge_correlation_mm=float(weight * edge**2 @ length) / max(soft**2, 1e-30)
     )
-    return noise, {"static": 1.0 / math.sqrt(2.0 * free)}
+    return noise, {"static": 1.0 / math.sqrt(2.0 * free)}, ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -410,6 +435,13 @@ def _projections(log: Log, scan: Scan, objects: Sequence[RecoveredObject]) -> It
             yield _Part(residuals, slopes, x, ends)
 
 
+def _typical(parts: list[_Part]) -> float:
+    """Return the residuals' root mean square by what the fit leaves free."""
+    free = sum(len(p.residuals) - p.slopes.shape[1] for p in parts)
+    squares = sum(float(((p.residuals - p.slopes @ (p.slopes.T @ p.residuals)) ** 2).sum()) for p in parts)
+    return math.sqrt(squares / free)
+
+
 def _likelihoods(
     log: Log, scan: Scan, noise: Noise, parts: list[_Part], edges: bool
 ) -> list[tuple[float, ...]]:
@@ -418,9 +450,7 @@ def _likelihoods(
     Either each reading's own [Vref], or of the contact's ends [mm] with a correlation length [mm].
     """
     averaging, sensor = Averaging.of(scan), replace(log.sensor, adc_bits=None)
-    free = sum(len(p.residuals) - p.slopes.shape[1] for p in parts)
-    squares = sum(float(((p.residuals - p.slopes @ (p.slopes.T @ p.residuals)) ** 2).sum()) for p in parts)
-    typical = math.sqrt(squares / free)
+    typical = _typical(parts)
 
     def covariances(of: Noise) -> list[FloatArray]:
         return [reading_covariance(of, sensor, p.x_mm, p.ends_mm, scan.signatures, averaging) for p in parts]

@@ -95,6 +95,8 @@ def _causes(
         return ("open-strip", "dead") if at_ground > at_vref else ("open-strip", "stuck")
     if at_ground > _SHARE:
         return "dead", "open-sensing"
+    if at_vref > _SHARE:
+        return ("stuck",)  # a strip in the wrong place is on no rail
     if len(bad) == len(work.k) and _fits_reversed(work, strip, lines):
         return ("swapped-ends",)
     if work.pair is not None:

@@ -21,6 +21,7 @@ CONDITIONS = {
     "ok": ("#b7dcf0", ""),
     "degraded": ("#e69f00", "//"),
     "broken": ("#b3400a", "xx"),
+    "asked": ("#f0e442", "\\\\"),
     "unchecked": ("#eeeeee", ".."),
 }
 _MOST_FAULTS = 12  # kinds with a row of their own
@@ -79,7 +80,7 @@ def health(report: Report, *, ax: Axes | None = None) -> Axes:
         if name in {*conditions, *(severity for _, severity, _ in rows)}
     ]
     # Above the strips, in a row of its own, for all of them may be full.
-    legend(axes, handles=patches, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, borderaxespad=0.1)
+    legend(axes, handles=patches, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=5, borderaxespad=0.1)
     return axes
 
 
@@ -114,6 +115,9 @@ def health_figure(log: Log, report: Report) -> Figure:
     if np.isfinite(half).any():
         noise.axhline(median, color="#b3400a", linewidth=1.0, label=f"median channel: +-{median:.2g} %")
         legend(noise, loc="lower right")
+    else:
+        why = "not measured: it needs scans\nthat follow each other closely"
+        noise.text(0.5, 0.22, why, transform=noise.transAxes, ha="center", va="center", fontsize="small")
     noise.set(ylabel="noise [+-% of Vref],\nnoisier channel", xlabel="strip")
     for panel in (readings, noise):
         panel.set_xlim(strips[0] - 0.6, strips[-1] + 0.6)
