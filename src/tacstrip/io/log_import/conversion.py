@@ -41,6 +41,16 @@ _AMPLIFIED = re.compile(
     r"\bgain|amplif|verst\u00e4rk|guadagno|gananc|ganho|wzmocn|zes\u00edl|versterk|f\u00f6rst\u00e4rk|\u0443\u0441\u0438\u043b|\u5897\u5e45|\u653e\u5927|\uc99d\ud3ed",
     re.IGNORECASE,
 )
+# An offset taken away or added, as "minus 0.1 V offset", or what counts down, as "5 V - pin voltage, inverted".
+_SHIFTED = re.compile(
+    r"(?=.*\b(?:offset|bias|baseline)\b)(?=.*\b\d+(?:[.,]\d+)?\s?m?V\b)"
+    r".*\b(?:minus|plus|less|added|subtract\w*|remov\w*|abgezogen|addiert|soustrait|restad[oa]|sottratt[oa])\b"
+    r"|(?<!not )(?<!non-)(?<!non )\b(?:inverted|invertiert|invertid[oa]|invertit[oa]|invers\u00e9e?s?)\b"
+    r".*(?:\d\s?m?V\b|\bv_?(?:ref|cc|dd)\b|\b(?:volt|pin|reading|signal|output|value|adc|code)s?\b)"
+    r"|(?:\d\s?m?V|\bv_?(?:ref|cc|dd)) (?:minus|-|less) (?:\w+ ){0,3}?"
+    r"(?:volt\w*|pin|reading|signal|value|adc)\b",
+    re.IGNORECASE,
+)
 _OVER_VREF = re.compile(r"\bdivided? by v_?ref", re.IGNORECASE)
 _NUMBER = r"\d+(?:\.\d+)?"
 _ALONE = re.compile(rf"(?<![\w.])(?:[x\u00d7] ?)?({_NUMBER})(?![\w.]*\d)")
@@ -99,6 +109,14 @@ def factor(clues: Clues) -> float:
         return answer or 1.0
     for line in clues.table.preamble:
         text = _bare(line)
+        if _SHIFTED.search(text):
+            clues.ask(
+                "scale",
+                f"the log says {text!r}: no factor takes that back. Take it back in the log; or, if its readings stand "
+                "as they are,",
+                "1",
+            )
+            continue
         if not (_SCALED.search(text) or _ratio_alone(line)) or _OVER_VREF.search(text):
             continue
         ratios = [float(a) / float(b) for a, b in _RATIO.findall(text) if float(a) and float(b)]

@@ -31,6 +31,8 @@ _STATISTICS = frozenset(
     | {"mediaan", "skew", "kurtosis", "\u03c3", "\u03bc"}
     | {"\u5e73\u5747", "\u6807\u51c6\u5dee", "\u6a19\u6e96\u504f\u5dee"}
 )  # fmt: skip
+# Of Campbell's loggers (TOA5), below the units; and "TS" and "RN" among these.
+_PROCESSING = _STATISTICS | {"smp", "tot", "wvc", "smm", "cov"}
 _UNIT_WORDS = frozenset({"unit", "units", "einheit", "einheiten"})
 _LONG = 40  # characters of a line that are quoted
 _FEW = 2  # fields that may look like units by chance
@@ -219,6 +221,8 @@ def _names(above: list[list[str]], width: int) -> list[str]:
     """Return the names of columns from the lines above them: those lines with which the most columns say something."""
     if not above:
         return [f"column {n + 1}" for n in range(width)]
+    if any(_tells_apart(row) for row in above):
+        above = [row for row in above if not _says_processing(row)]
     units = next((row for row in reversed(above) if _are_units(row)), None)
     above = [row for row in above if row is not units] or above
     best, most = above[-1], -1
@@ -238,6 +242,17 @@ def _names(above: list[list[str]], width: int) -> list[str]:
     elif meaning(units[0]).role and not known[0]:  # a name beside units, as in "time [s], V, V"
         best = [units[0], *best[1:]]
     return [f"{n} [{u}]" if u and n and not meaning(n).unit else n for n, u in zip(best, known, strict=True)]
+
+
+def _tells_apart(row: list[str]) -> bool:
+    """Return whether a row has another word for each column."""
+    return all(row) and len({*row}) == len(row)
+
+
+def _says_processing(row: list[str]) -> bool:
+    """Return whether a row says how a data logger processed each column, as "Smp" below its unit."""
+    said = {cell.casefold() for cell in row if cell}
+    return _filled_fields(row) > _FEW and said <= _PROCESSING
 
 
 def _other_units(above: list[list[str]]) -> tuple[str, ...]:
@@ -345,9 +360,9 @@ def _numbers_columns(row: Sequence[str]) -> bool:
 
 def _are_units(row: list[str]) -> bool:
     """Return whether a header line names units: each of its fields, or of all but the first the same of a reading."""
-    if all((cell.strip("[]() ").lower() in {"", "-", "n", "nr", "-/-", "1", *UNITS}) for cell in row) and any(
-        row
-    ):
+    if all(
+        (cell.strip("[]() ").lower() in {"", "-", "n", "nr", "ts", "rn", "-/-", "1", *UNITS}) for cell in row
+    ) and any(row):
         return True
     rest = {UNITS.get(cell.strip("[]() ").lower(), "?") for cell in row[1:] if cell}
     if row[0].casefold() in _UNIT_WORDS and len(rest) <= _FEW and "?" not in rest:

@@ -8,13 +8,14 @@ from collections import Counter
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.errors import ReadingError
+from tacstrip.errors import OptionError, ReadingError
 from tacstrip.io.log_import.columns import Columns
 from tacstrip.io.log_import.fields import clock_seconds, number_of, says_nothing
 from tacstrip.io.log_import.mapping import ColumnMapping
 from tacstrip.io.log_import.questions import Clues
-from tacstrip.io.log_import.scans import LogScan
+from tacstrip.io.log_import.scans import BOUND, LogScan
 from tacstrip.io.log_import.statements import untouched_said
+from tacstrip.io.log_import.table import Table
 from tacstrip.io.log_import.units import BITS
 from tacstrip.io.log_import.words import finder
 
@@ -35,9 +36,7 @@ _OVER_RANGE = re.compile(
 def words_for_nothing(clues: Clues, found: Columns) -> tuple[str, ...]:
     """Return words that are no readings, which the user says stand for no contact; ask where nothing is said."""
     if (answer := clues.answers.get("untouched")) is not None:
-        return (
-            () if answer in ("none", "empty") else tuple(filter(None, (a.strip() for a in answer.split(","))))
-        )
+        return () if answer in ("none", "empty") else _that_apply(answer, clues.table, found)
     table = clues.table
     for name in found.readings:
         for line, text in zip(table.lines, table.column(name), strict=True):
@@ -65,6 +64,25 @@ def words_for_nothing(clues: Clues, found: Columns) -> tuple[str, ...]:
                     )
                 return tuple(sorted(said))
     return ()
+
+
+def _that_apply(answer: str, table: Table, found: Columns) -> tuple[str, ...]:
+    """Return what an answer says stands for no contact; `OptionError` for what no reading's column holds."""
+    words = tuple(filter(None, (a.strip() for a in answer.split(","))))
+    there = {text for name in found.readings for text in table.column(name)}
+    for word in words:
+        number = number_of(word)
+        if (
+            number == 0.0 or word in there or BOUND.fullmatch(word)
+        ):  # codes may have their 0 at half of full scale
+            continue
+        if number is not None and number in {number_of(t, table.decimal) for t in there}:
+            continue
+        raise OptionError(
+            f"--answer untouched={answer}: {word!r} stands in no column of readings; say what does, <N or >N for all "
+            "readings below or above N, or none"
+        )
+    return words
 
 
 def _says_a_fault(word: str) -> bool:
@@ -162,6 +180,8 @@ def _at_an_end(clues: Clues, values: FloatArray, rest: list[float]) -> list[str]
             return []
         clues.because(told)
         return [f"{end:g}"]
+    if noise := _noise_at_full_scale(clues, values, rest, most):
+        return noise
     low = [v for v in rest if v < _REST * rest[-1]]
     high = rest[len(low) :]
     there = values <= max(low, default=-1.0)
@@ -180,6 +200,34 @@ def _at_an_end(clues: Clues, values: FloatArray, rest: list[float]) -> list[str]
         "untouched", f"{told}: is that the noise of strips that nothing touches, or are they readings (none)?",
         below, "none",
     )  # fmt: skip
+    return []
+
+
+def _noise_at_full_scale(clues: Clues, values: FloatArray, rest: list[float], most: set[float]) -> list[str]:
+    """Return what is above the readings where both channels of strips stand at full scale; ask if one does alone.
+
+    Inputs that are pulled up rest there. A contact that drives k_l to 1 has no length.
+    """
+    if clues.sensor:
+        most = most | {1000.0 * clues.sensor.vref_volt, 1.0, 100.0}
+    if values.shape[2] != 2 or not any(abs(rest[-1] - m) <= _NEAR_0 * m for m in most):
+        return []
+    top = [v for v in rest if v > (1.0 - _NEAR_0) * rest[-1]]
+    below = rest[len(rest) - len(top) - 1] if len(top) < len(rest) else rest[0]
+    if rest[-1] - below <= max(_GAP * (rest[-1] - top[0]), _NEAR_0 * rest[-1]):
+        return []
+    there = values >= top[0]
+    idle = there.all(axis=2)
+    if not _MANY < idle.mean() < 1.0 - _FEW_TOUCHED:
+        return []
+    limit = f">{0.5 * (below + top[0]):.6g}"
+    told = f"both channels of {100 * idle.mean():.0f} % of the strips are {top[0]:g} or more at once"
+    if (there.any(axis=2) == idle).all():
+        clues.because(f"{told}, and none alone: the noise of strips that nothing touches")
+        return [limit]
+    clues.ask(
+        "untouched", f"{told}: is that where nothing touches, or are they readings (none)?", limit, "none"
+    )
     return []
 
 

@@ -41,13 +41,28 @@ def channel_column(clues: Clues, known: dict[str, Meaning]) -> str:
         fields = set(clues.table.column(name))
         if len(fields) != 2 or name in clues.answers or m.role in ("time", "position"):
             continue
-        channels = {meaning(f).channel or f.casefold() for f in fields}
-        worded = not any(number_of(f) is not None for f in fields)
-        if (worded and (channels == {"h", "l"} or pair_of(channels))) or (
-            pair_of(channels) and (m.role == "which" or (m.role == "strip" and len(strips) > 1))
+        if are_channels(fields) or (
+            pair_of(_channels(fields)) and (m.role == "which" or (m.role == "strip" and len(strips) > 1))
         ):
             return name
     return ""
+
+
+def _channels(fields: set[str]) -> set[str]:
+    return {meaning(f).channel or f.casefold() for f in fields}
+
+
+def are_channels(fields: set[str]) -> bool:
+    """Return whether two words are the names of the two channels.
+
+    Examples
+    --------
+    >>> are_channels({"TOP", "BOT"}), are_channels({"h", "l"}), are_channels({"1", "2"}), are_channels({"ok", "h"})
+    (True, True, False, False)
+    """
+    channels = _channels(fields)
+    worded = len(fields) == 2 and not any(number_of(f) is not None for f in fields)
+    return worded and (channels == {"h", "l"} or bool(pair_of(channels)))
 
 
 def time_column(clues: Clues, known: dict[str, Meaning]) -> str:

@@ -30,6 +30,7 @@ _LONG_AGO = 1e8  # of any unit: a time that does not count from the log's start
 _A_PERIOD = 0.97  # of the time from scan to scan: lines of one scan, each with its own time, are less apart
 _ON_PLACE = 0.05  # of the pitch: so near a strip's place is its position
 _EXPONENT = re.compile(r"(?<=\d)[.,]\d+[eE][+-]?\d+\s*\Z")  # as numpy writes whole numbers, too
+BOUND = re.compile(r"[<>]\d+(?:\.\d+)?(?:e[+-]?\d+)?")  # readings below, or above, stand for no contact
 
 
 @dataclass(eq=False)
@@ -49,8 +50,9 @@ def field_value(text: str, decimal: str, untouched: frozenset[str] = frozenset()
     if value is None or not np.isfinite(value):
         raise ValueError(text)
     value -= zero
-    below = max((float(u[1:]) for u in untouched if re.fullmatch(r"<\d+(\.\d+)?", u)), default=-np.inf)
-    return float("nan") if f"{value:g}" in untouched or value < below else value
+    bounds = [u for u in untouched if BOUND.fullmatch(u)]
+    beyond = any(value < float(u[1:]) if u[0] == "<" else value > float(u[1:]) for u in bounds)
+    return float("nan") if f"{value:g}" in untouched or beyond else value
 
 
 def scans(table: Table, mapping: ColumnMapping, dropped: list[int] | None = None) -> list[LogScan]:

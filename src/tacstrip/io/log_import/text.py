@@ -73,6 +73,7 @@ _HALF_WIDTH = {c: c - 0xFEE0 for c in range(0xFF01, 0xFF5F)}  # of East Asian fu
 _FEW_LINES = 4  # of fewer, the length of the last number tells nothing
 _THOUSANDS = re.compile(r"(?<=\d)[\u2009\u202f\xa0](?=\d{3}(?!\d))")
 _FORTRAN = re.compile(r"(?<!\w)([-+]?(?:\d+\.\d*|\.\d+))[DdQq]([+-]\d{2,3})(?!\w)")  # double precision
+_SCALAR = re.compile(r"\b(?:np|numpy)\.(?:float|u?int)\d+\(([^()]*)\)")  # as NumPy 2 prints one in a list
 _BOUND = re.compile(r"(\d)\s?(?:\u00b1|\+/-)\s?\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?(?!\d|\s?(?:\u00b1|\+/-))")
 _COLOUR = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")  # of a terminal
 _CHANNEL_LINE = re.compile(
@@ -120,7 +121,7 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     """Return a text as a table in normal form, as if some of its lines were not there."""
     if (dumped := of_hex_bytes(without(text, strays))) is not None:
         return in_normal_form(dumped)
-    text = without_boxes(of_system_log(_FORTRAN.sub(r"\1E\2", text)))
+    text = without_boxes(of_system_log(_FORTRAN.sub(r"\1E\2", _SCALAR.sub(r"\1", text))))
     text, bounds = _BOUND.subn(r"\1", without_thousands(_THOUSANDS.sub("", of_pandas(without(text, strays)))))
     text, messages = without_messages(
         _COLOUR.sub("", plain_rows(of_displayed_scans(without(text, strays)).translate(_HALF_WIDTH)))

@@ -22,6 +22,7 @@ from tacstrip.io.log_import.names import (
     numbered_groups,
 )
 from tacstrip.io.log_import.questions import Clues
+from tacstrip.io.log_import.roles import are_channels
 from tacstrip.io.log_import.table import CLOCK, PART, ROW
 from tacstrip.io.log_import.words import names_of
 
@@ -43,7 +44,7 @@ def readings_by_contents(
         and n != ROW
         and is_numeric(clues, n)
     ]
-    which = any(known[n].role == "which" for n in taken if n in known)
+    which = next((n for n in taken if n in known and known[n].role == "which"), "")
     many = (1,) if which or clues.expected == ("out",) else (2,) if clues.expected else (1, 2)
     wide = clues.sensor.strips * many[0] if clues.sensor else 0
     some = [n for n, m in known.items() if n not in {*taken, *given, ROW} and m.role not in ("time", "strip")]
@@ -53,9 +54,9 @@ def readings_by_contents(
     if len(some) >= wide > 1:
         if len(some) == wide and all(re.fullmatch(r"column \d+", n) for n in some):
             clues.because(f"{wide} columns without names are the strips in their order")
-            return readings_of_block(clues, some, known, "")
+            return readings_of_block(clues, some, known, which)
         block = ask_for_block(clues, "no name says of which strip a column is", some, wide)
-        return readings_of_block(clues, block, known, "")
+        return readings_of_block(clues, block, known, which)
     if len(left) in many and taken - {""}:
         if odd := [n for n in left if _DERIVED & set(re.findall(r"[a-z]+", n.lower()))]:
             clues.ask(
@@ -145,7 +146,8 @@ def roles_without_names(clues: Clues) -> dict[str, Meaning]:
     labels = [n for n in names if not n.startswith("column ")]  # of lines between blocks
     found |= {n: meaning(n) for n in labels}
     texts = {n: set(clues.table.column(n)) for n in names}
-    which = [n for n in names if {meaning(f).channel for f in texts[n]} == {"h", "l"} and len(texts[n]) == 2]
+    which = [n for n in names if are_channels(texts[n])]
+    which = [n for n in names if clues.answers.get(n) == "which"] or which
     if sensor and not which and len(names) - len(labels) == sensor.strips and len(clues.expected) == 2:
         which = [n for n in (ROW,) if n in clues.table.names and {*clues.table.column(n)} == {"0", "1"}]
     constant = [
