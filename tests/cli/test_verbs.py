@@ -414,6 +414,30 @@ def test_what_may_be_the_only_copy_is_not_written_over(folder: Path) -> None:
     assert "ending '.txt' does not exist" in done.stderr
 
 
+def test_init_prints_what_import_will_ask(folder: Path) -> None:
+    rows = [f"{100 * n},0,0,{760 + n},{300 + n},{771 + n},{310 - n},0,0" for n in range(12)]
+    names = ",".join(f"top{n},bot{n}" for n in range(1, 5))
+    (folder / "wide.csv").write_text("\n".join([f"millis,{names}", *rows]) + "\n")
+    given = (
+        "--construction",
+        "crs-crs",
+        "--strips",
+        4,
+        "--pitch",
+        8,
+        "--length",
+        90,
+        "--vref",
+        3.3,
+        "--bits",
+        10,
+    )
+    done = _good(run(folder, "init", "wide.toml", "--from", "wide.csv", *given))
+    assert "--answer unit=mV or --answer unit=code" in done.stdout
+    asked = run(folder, "import", "wide.csv", "wide.toml", "-o", "out.csv")
+    assert (asked.returncode, "--answer unit=mV or --answer unit=code" in asked.stderr) == (1, True)
+
+
 def test_metres_are_told(folder: Path) -> None:
     done = _good(run(folder, "init", "metres.toml", "--pitch", 0.004, "--length", 0.12))
     assert "Warning: pitch_mm = 0.004, length_mm = 0.12: mm, not m?" in done.stderr
