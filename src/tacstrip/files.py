@@ -13,6 +13,8 @@ from pathlib import Path
 
 _LONGEST = 2**26  # characters of a spec or a contact: a pipe may go on without end
 _HANDED_OVER = ("/dev/stdin", "/dev/fd/", "/proc/self/fd/")  # what the caller opened: its end is the caller's
+# What a verb can make again from other files: all else may be the only copy of what somebody measured or wrote.
+_DERIVED = (".geojson", ".json", ".html", ".cir", ".png", ".svg", ".pdf")
 _KINDS = {
     ".csv": "readings or runs (CSV)",
     ".mcap": "a recording",
@@ -80,6 +82,15 @@ def read_text(path: str | Path) -> str:
     if len(text) > _LONGEST:
         raise ValueError(f"it is longer than {_LONGEST} characters")
     return text
+
+
+def replaceable(path: str | Path) -> bool:
+    """Say whether a file may be written over unasked: there is none, or its ending is of a picture or shapes.
+
+    Readings, recordings, specs and contacts are not: they may be the only copy.
+    """
+    target = Path(path)
+    return not target.is_file() or target.suffix.lower() in _DERIVED
 
 
 def other_kind(path: str | Path, *wanted: str) -> str:

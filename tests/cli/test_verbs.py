@@ -52,7 +52,8 @@ def test_from_spec_to_shape(folder: Path) -> None:
     (feature,) = json.loads((folder / "o.geojson").read_text())["features"]
     assert feature["properties"]["area_mm2"] == pytest.approx(50.0 * 35.0, rel=0.03)
     assert "outermost strips" not in done.stderr
-    _good(run(folder, "simulate", "mine.toml", "rectangle.wkt", "-o", "r.csv", "--at", 5, 150, "--turn", 30))
+    _good(run(folder, "simulate", "mine.toml", "rectangle.wkt", "-o", "r.csv", "--at", 5, 150, "--turn", 30,
+              "--force"))  # fmt: skip
     done = _good(run(folder, "reconstruct", "mine.toml", "r.csv", "-o", "o2.geojson"))
     assert "1 object(s) reach the sensor's outermost strips: they may hang over its edge" in done.stderr
     for picture in ("sim.png", "o.png"):
@@ -61,7 +62,7 @@ def test_from_spec_to_shape(folder: Path) -> None:
 
 def test_dragging_turning_and_noise(folder: Path) -> None:
     words = ["simulate", "prototype-crs-m", "rectangle.wkt", "-o", "r.csv", "--at", 20, 60, "--drag", 20, 180,
-             "--steps", 4, "--turn-per-step", 20, "--rate", 50, "--positional", 0.005]  # fmt: skip
+             "--steps", 4, "--turn-per-step", 20, "--rate", 50, "--positional", 0.005, "--force"]  # fmt: skip
     done = _good(run(folder, *words, "--seed", 3))
     assert "a part of the contact lies off the sensor" in done.stderr
     first = (folder / "r.csv").read_text()
@@ -385,6 +386,58 @@ def test_readings_over_vref_are_told(folder: Path) -> None:
         assert "Warning: r.csv: no reading is above 1 V, and vref_volt is 5: are they over Vref?" in told
 
 
+def test_what_may_be_the_only_copy_is_not_written_over(folder: Path) -> None:
+    for name in ("r.csv", "own.toml", "own.wkt"):
+        (folder / name).write_text("mine")
+    shape = ("small.toml", "c.wkt")
+    (folder / "c.wkt").write_text("POLYGON ((5 30, 45 25, 40 70, 5 30))")
+    _good(run(folder, "simulate", *shape, "-o", "new.csv"))
+    for words in (
+        ("simulate", *shape, "-o", "r.csv"),
+        ("simulate", *shape, "-o", "other.csv", "--placed", "own.wkt"),
+        ("press", "fingertip", "plane", "--pose", 20, 0, 20, -1, 0, -1, "--depth", 1, "-o", "r.csv"),
+        ("reconstruct", "small.toml", "new.csv", "-o", "r.csv"),
+        ("track", "small.toml", "new.csv", "-o", "r.csv"),
+        ("noise", "new.csv", "small.toml", "-o", "own.toml"),
+        ("calibrate", "small.toml", "--plan", "-o", "r.csv"),
+        ("convert", "small.toml", "new.csv", "-o", "r.csv"),
+        ("import", "new.csv", "small.toml", "-o", "r.csv"),
+    ):
+        done = run(folder, *words)
+        assert (done.returncode, "exists already" in done.stderr) == (2, True), done.stderr
+    assert {(folder / name).read_text() for name in ("r.csv", "own.toml", "own.wkt")} == {"mine"}
+    for _ in range(2):  # shapes can be made again
+        run(folder, "reconstruct", "small.toml", "new.csv", "-o", "o.geojson")
+        assert (folder / "o.geojson").exists()
+    done = run(folder, "reconstruct", "small.toml", "new.csv", "-o", "x.txt")
+    assert done.returncode == 2
+    assert "ending '.txt' does not exist" in done.stderr
+
+
+def test_init_prints_what_import_will_ask(folder: Path) -> None:
+    rows = [f"{100 * n},0,0,{760 + n},{300 + n},{771 + n},{310 - n},0,0" for n in range(12)]
+    names = ",".join(f"top{n},bot{n}" for n in range(1, 5))
+    (folder / "wide.csv").write_text("\n".join([f"millis,{names}", *rows]) + "\n")
+    given = (
+        "--construction",
+        "crs-crs",
+        "--strips",
+        4,
+        "--pitch",
+        8,
+        "--length",
+        90,
+        "--vref",
+        3.3,
+        "--bits",
+        10,
+    )
+    done = _good(run(folder, "init", "wide.toml", "--from", "wide.csv", *given))
+    assert "--answer unit=mV or --answer unit=code" in done.stdout
+    asked = run(folder, "import", "wide.csv", "wide.toml", "-o", "out.csv")
+    assert (asked.returncode, "--answer unit=mV or --answer unit=code" in asked.stderr) == (1, True)
+
+
 def test_metres_are_told(folder: Path) -> None:
     done = _good(run(folder, "init", "metres.toml", "--pitch", 0.004, "--length", 0.12))
     assert "Warning: pitch_mm = 0.004, length_mm = 0.12: mm, not m?" in done.stderr
@@ -394,10 +447,10 @@ def test_metres_are_told(folder: Path) -> None:
         "no strip is touched: the contact falls between centre lines\nWarning: the contact is 0.055 mm"
         in done.stderr
     )
-    done = _good(run(folder, "simulate", "metres.toml", "m.wkt", "-o", "r.csv"))
+    done = _good(run(folder, "simulate", "metres.toml", "m.wkt", "-o", "r.csv", "--force"))
     assert "Warning: metres.toml: pitch_mm = 0.004" in done.stderr
     (folder / "gap.wkt").write_text("POLYGON ((6 30, 14 30, 14 40, 6 30))")
-    done = _good(run(folder, "simulate", "small.toml", "gap.wkt", "-o", "r.csv"))
+    done = _good(run(folder, "simulate", "small.toml", "gap.wkt", "-o", "r.csv", "--force"))
     assert "metres" not in done.stderr
 
 

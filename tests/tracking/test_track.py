@@ -608,7 +608,9 @@ def test_the_verb_writes_tracks_and_a_picture(tmp_path: Path) -> None:
     )
     assert done.exit_code == 0, done.output
     assert "object 1: ok, 20 scans" in done.stderr
-    told = re.search(r"moved (\S+) mm across and (\S+) mm along .*, turned (\S+) deg", done.stderr)
+    told = re.search(
+        r"moved (\S+) mm \+- \S+ across and (\S+) mm \+- \S+ along .*, turned (\S+) deg", done.stderr
+    )
     assert told is not None
     centroids = [moments(at(CORNERS, pose))[1] for pose in sliding(20)]
     turned = np.rad2deg(sliding(20)[-1][2] - sliding(20)[0][2])

@@ -117,14 +117,20 @@ def cli() -> None:
     """
 
 
-def protect(output: Path | None, *inputs: str | Path | None) -> None:
+def protect(
+    output: Path | None, *inputs: str | Path | None, force: bool = False, flag: str = "--force"
+) -> None:
     """Refuse, before any work is done, to write over a file that is read, or into a folder that is not there.
+
+    Without `force`, refuse any file that is not `replaceable`, too; `flag` is the option that says so.
 
     Raises
     ------
     OptionError, FileNotFoundError
         They name the output.
     """
+    from tacstrip.files import replaceable
+
     if output is None:
         return
     if not output.parent.exists():
@@ -133,11 +139,13 @@ def protect(output: Path | None, *inputs: str | Path | None) -> None:
         for file in inputs:
             if file is not None and Path(file).exists() and output.samefile(file):
                 raise OptionError(f"{output} is read here and would be written over; choose another name")
+        if not force and not replaceable(output):
+            raise OptionError(f"{output} exists already; choose another name, or add {flag} to write over it")
 
 
 def new_file(output: Path, force: bool, *inputs: str | Path) -> None:
     """Refuse to write over a file that is read, and without `force` over any: `OptionError` names it."""
-    protect(output, *inputs)
+    protect(output, *inputs, force=force)
     if output.exists() and not force:
         raise OptionError(f"{output} exists already; choose another name, or add --force to write over it")
 

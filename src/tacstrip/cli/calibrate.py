@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from dataclasses import replace
 from functools import partial
@@ -33,6 +34,7 @@ _MANY = 60  # presses: a plan of more says why
 @options.SENSOR
 @click.argument("data", metavar="[RUNS]", type=options.FILE, required=False)
 @options.output("Calibrated spec (.toml), or the plan (.csv).", required=False)
+@options.OVERWRITE
 @options.file("--report", help="Folder for report.html and its pictures.")
 @options.plot("Picture of each strip's error before and after, the worst strips first (.png, .svg, .pdf).")
 @options.option("--model", default="auto", metavar="auto|mean|PARTS", help="mean: the thesis' mean offsets. PARTS: of "
@@ -54,6 +56,7 @@ def command(
     sensor: str,
     data: Path | None,
     output: Path | None,
+    overwrite: bool,
     report: Path | None,
     plot: Path | None,
     model: str,
@@ -73,7 +76,7 @@ def command(
 
     Example: tacstrip calibrate sensor.toml runs.csv -o calibrated.toml --report report
     """
-    protect(output, sensor, data, touch)
+    protect(output, sensor, data, touch, force=overwrite, flag="--overwrite")
     protect(plot, sensor, data, touch, output)
     _check_options(planned, zeroed, data is not None)
     spec = load_sensor(sensor)
@@ -212,7 +215,7 @@ def _show_result(result: Calibrated) -> None:
         click.echo(f"  {when}: {', '.join(f'strip {strip} ({percent:.2g} %)' for strip, percent in worst)}")
     for p in result.parameters:
         if p.strip is None:
-            click.echo(f"  {p.name} = {p.value:.5g} +- {p.sigma:.2g} {p.unit}".rstrip())
+            click.echo(f"  {p.name} = {_with_deviation(p.value, p.sigma)} {p.unit}".rstrip())
     refused: dict[str, list[str]] = {}
     for trial in result.trials:
         if trial.verdict.startswith("refused"):
@@ -224,6 +227,14 @@ def _show_result(result: Calibrated) -> None:
         note(f"  line {row.line}, strip {strip}: excluded, {row.why}")
     if len(result.excluded) > _MOST_LINES:
         note(f"  ... and {len(result.excluded) - _MOST_LINES} more rows")
+
+
+def _with_deviation(value: float, sigma: float) -> str:
+    """Write a value to the digits of its deviation, of which two are shown."""
+    if not (math.isfinite(sigma) and sigma > 0.0):
+        return f"{value:.5g} +- {sigma:.2g}"
+    decimals = max(0, 1 - math.floor(math.log10(sigma)))
+    return f"{value:.{decimals}f} +- {sigma:.2g}"
 
 
 def _show_touch(spec: Sensor) -> None:

@@ -29,7 +29,9 @@ def command(out: Path, kind: str) -> None:
     click.echo(
         "Synthetic readings of the thesis' CRS-CRS prototype (10 strips, 6.5 x 32.5 cm, 5 x 3.5 cm object).\n"
         "Polygon fit: the default of `tacstrip reconstruct`. P.R. and V.R.: the thesis' Profile and Vertex\n"
-        f"Reconstruction; transitions given: the true ones.\n\n{table(demo)}"
+        "Reconstruction; transitions given: the true ones. Of the polygon fit `ok` promises an overlap (IoU) of\n"
+        "0.8 or more in 95 of 100 cases; of these two it says that there is a solution.\n\n"
+        f"{table(demo)}"
     )
     best = next(t for t in demo.trials if (t.readings, t.method) == ("after", FIT))
     out.mkdir(parents=True, exist_ok=True)

@@ -5,20 +5,23 @@ from __future__ import annotations
 import re
 import shlex
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
 
 from tacstrip.cli import note, options, protect, warn
 from tacstrip.data import spec_names
-from tacstrip.errors import SpecError
+from tacstrip.errors import ReadingError, SpecError
 from tacstrip.files import write_text
 from tacstrip.io.input_checks import unlikely_lengths
 from tacstrip.sensor.constructions import CONSTRUCTIONS, SIGNATURES
 from tacstrip.sensor.constructions import construction as construction_named
 from tacstrip.sensor.spec import UNKNOWN, Sensor
 from tacstrip.surface.skin import skin_of
+
+if TYPE_CHECKING:
+    from tacstrip.io.log_import.questions import Question
 
 # Where CRS-CRP reads well (docs/science/physics.md), for a spec that is still to be edited.
 _SHEET_RATIO = 100.0
@@ -51,7 +54,7 @@ def command(
     Example: tacstrip init mysensor.toml --construction crs-m --strips 9 --pitch 4.5 --length 250
     """
     printed = str(file) == "-"
-    protect(None if printed else file)
+    protect(None if printed else file, force=True)  # refused in its own words
     if file.exists() and not force and not printed:
         raise SpecError(f"{file} exists already; choose another name, or write over it with --force")
     if like is not None and options.given("log", *keys):
@@ -61,11 +64,11 @@ def command(
     if log is not None:
         told = "".join(f" --answer {shlex.quote(answer)}" for answer in answers)
         then = f"import {shlex.quote(str(log))} {shlex.quote(str(file))}{told}"
-        text, unknown = _begun(log, answers, keys)
+        text, unknown, asked = _begun(log, answers, keys)
     else:
         sensor = _made(keys) if like is None else Sensor.load(like)
         warn(unlikely_lengths(sensor))
-        text, unknown = sensor.to_toml(), []
+        text, unknown, asked = sensor.to_toml(), [], ()
         curved = isinstance(sensor, Sensor) and sensor.surface is not None
         then = f"press {file} {_first_press(sensor)}" if curved else then
     if printed:
@@ -77,6 +80,8 @@ def command(
         click.echo(f"{file} begun. Fill in what stands as {UNKNOWN!r}: {', '.join(unknown)}; then: {call}")
     else:
         click.echo(f"{file} written. Edit it, then: {call}")
+    for question in asked:
+        click.echo(f"The log does not say, so add to that command: {question}")
 
 
 def _first_press(sensor: Sensor) -> str:
@@ -104,15 +109,20 @@ def _made(keys: dict[str, Any]) -> Sensor:
     return sensor
 
 
-def _begun(log: Path, answers: tuple[str, ...], keys: dict[str, Any]) -> tuple[str, list[str]]:
-    """Return the text of a spec begun from a log and the options that were given, and the keys still unknown."""
+def _begun(
+    log: Path, answers: tuple[str, ...], keys: dict[str, Any]
+) -> tuple[str, list[str], tuple[Question, ...]]:
+    """Return a spec begun from a log and options, the keys still unknown, and what else `import` will ask."""
     # Late: only this option needs them.
     from tacstrip.io.log_import.containers import read_table
     from tacstrip.io.log_import.facts import sensor_facts
+    from tacstrip.io.log_import.guess import propose
+    from tacstrip.io.log_import.questions import Unanswered
 
     told = options.answered(answers)
     with options.asked_of(log):
-        facts = sensor_facts(read_table(log, told.get("sheet")), told)
+        table = read_table(log, told.get("sheet"))
+        facts = sensor_facts(table, told)
     names = {key for key in keys if options.given(key)}
     kinds = [
         kind.name
@@ -148,4 +158,12 @@ def _begun(log: Path, answers: tuple[str, ...], keys: dict[str, Any]) -> tuple[s
         )
     for reason in facts.reasons:
         note(f"  {reason}")
-    return text, unknown
+    asked: tuple[Question, ...] = ()
+    if not unknown:
+        try:
+            propose(table, sensor, told, frozenset(known))
+        except Unanswered as open_:
+            asked = tuple(open_.questions)
+        except ReadingError:
+            pass  # import says what is wrong
+    return text, unknown, asked

@@ -22,6 +22,7 @@ _SHOWN = (1, 16, 64)  # scans averaged
 @click.argument("recording", type=options.FILE)
 @click.argument("sensor", metavar="[SENSOR]", required=False)
 @options.output("Write the spec with the noise to this file.", required=False)
+@options.FORCE
 @options.file("--write", metavar="SENSOR.toml",
               help="Put the noise into this spec; its other lines stay as they are.")  # fmt: skip
 @options.option("--vertices", type=options.WholeRange(3, 40), help="Of the contact, where that is known.")
@@ -30,6 +31,7 @@ def command(
     recording: Path,
     sensor: str | None,
     output: Path | None,
+    force: bool,
     write: Path | None,
     vertices: int | None,
     plot: Path | None,
@@ -42,8 +44,8 @@ def command(
 
     Example: tacstrip noise still.csv --write sensor.toml --plot allan.png
     """
-    protect(output, recording)
-    protect(write, recording)
+    protect(output, recording, force=force)
+    protect(write, recording, force=True)  # the spec that it is to edit
     protect(plot, recording, sensor, output, write)
     spec = sensor or (None if write is None else str(write))
     log = load_log(recording, spec, f"tacstrip noise {recording} sensor.toml")

@@ -32,6 +32,7 @@ _MESHES = (".stl", ".obj", ".ply", ".off", ".glb")
 @options.SENSOR
 @click.argument("solid", metavar="OBJECT")
 @options.output("Readings file (CSV).")
+@options.OVERWRITE
 @options.option("--pose", type=_POSE, metavar="X Y Z DX DY DZ",
                 help="Where the object's lowest place is [mm], and the direction in which it is pressed.")  # fmt: skip
 @options.file("--path", help="Poses from scan to scan (.csv: x_mm, y_mm, z_mm, dx, dy, dz, and time_s, turn_deg, "
@@ -50,6 +51,7 @@ def command(
     sensor: str,
     solid: str,
     output: Path,
+    overwrite: bool,
     pose: tuple[float, ...] | None,
     path: Path | None,
     turn: float,
@@ -71,7 +73,7 @@ def command(
     Example: tacstrip press fingertip cylinder:4 --pose 8 0 8 -1 0 -1 --depth 1.5 -o readings.csv --plot press.png
     """
     mesh = Path(solid) if Path(solid).suffix.lower() in _MESHES else None
-    protect(output, sensor, mesh, path)
+    protect(output, sensor, mesh, path, force=overwrite, flag="--overwrite")
     protect(patch, sensor, mesh, path, output)
     protect(plot, sensor, mesh, path, output, patch)
     options.belong(mesh, "is for a mesh", "unit")

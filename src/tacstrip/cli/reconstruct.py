@@ -15,7 +15,7 @@ import numpy as np
 from tacstrip.cli import check_method, load_layers, note, options, protect, save_picture, warn
 from tacstrip.contact.noise import Noise
 from tacstrip.contact.shape import Contact
-from tacstrip.errors import OptionError, ReadingError, number
+from tacstrip.errors import OptionError, ReadingError, number, one_of
 from tacstrip.io.geojson import feature_collection, read_contact, write_geojson
 from tacstrip.io.input_checks import half_read, implausible, misread, one_reading
 from tacstrip.io.readings import read_readings
@@ -31,6 +31,7 @@ from tacstrip.sensor.raw import invert_calibration
 from tacstrip.sensor.spec import Sensor
 
 _MOST_LINES = 20
+_ENDINGS = (".geojson", ".json", ".csv")
 _NOISELESS = ("vertex", "profile")  # methods that take no account of noise
 _OF_METHODS = {  # option: the methods that have it
     "signature": ("polygon", "vertex"),
@@ -50,6 +51,7 @@ _OF_METHODS = {  # option: the methods that have it
     "GeoJSON file, or a table (.csv: a row per object and scan); GeoJSON is printed if left out.",
     required=False,
 )
+@options.FORCE
 @options.option("--method", help="polygon (all strips, the default), vertex or profile (the thesis'), or pieces: "
                 "several objects on the same strips.")  # fmt: skip
 @options.option("--signature", help="Use one only, for polygon or vertex: kh, kl or k.")
@@ -75,6 +77,7 @@ def command(
     sensor: str,
     readings: Path,
     output: Path | None,
+    force: bool,
     method: str | None,
     noise: Noise,
     without: tuple[str, ...],
@@ -90,7 +93,11 @@ def command(
 
     Example: tacstrip reconstruct sensor.toml readings.csv -o shapes.geojson --plot shapes.png
     """
-    protect(output, sensor, readings, truth, known_object)
+    # A device or a pipe has no ending.
+    if output and (output.is_file() or not output.exists()) and output.suffix.lower() not in _ENDINGS:
+        raise OptionError(f"-o {output}: " + one_of("ending", output.suffix.lower(), _ENDINGS))
+    options.belong(output, "is for a file: -o FILE", "force")
+    protect(output, sensor, readings, truth, known_object, force=force)
     protect(plot, sensor, readings, truth, known_object, output)
     why = "is not for a known object; leave it or --object out"
     options.belong(known_object is None, why, "method", *(o for o in _OF_METHODS if o != "signature"))

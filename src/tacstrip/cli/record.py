@@ -40,7 +40,7 @@ _TEXT_ROUNDING = 0.01  # steps of the converter by which the rounding of a text 
 @options.sensor_and_input()
 @options.output("Recording (.mcap).")
 @options.option("--reconstruct", "method", metavar="METHOD",
-                help="Store reconstructed shapes too: vertex, profile or polygon.")  # fmt: skip
+                help="Store reconstructed shapes too: polygon, pieces, vertex or profile.")  # fmt: skip
 @options.flag("--paced", help="In real time; otherwise as fast as possible.")
 @options.FORCE
 @options.DURABLE

@@ -27,8 +27,9 @@ from tacstrip.stream.source import RawScan, Source, paced
                 help="Speed relative to the recorded times.")  # fmt: skip
 @options.flag("--fast", help="As fast as possible.")
 @options.option("--sensor", metavar="SENSOR", help="Decode with this spec, not with the recorded one.")
-@options.option("--reconstruct", "method", metavar="METHOD", help="Reconstruct anew: vertex, profile or polygon; "
-                "otherwise recorded shapes are printed.")  # fmt: skip
+@options.option("--reconstruct", "method", metavar="METHOD",
+                help="Reconstruct anew: polygon, pieces, vertex or profile; otherwise recorded shapes are "
+                "printed.")  # fmt: skip
 @options.flag("--summary", "short", help="Print a summary only.")
 @options.plot("Picture of the last scan in contact (.png, .svg, .pdf).")
 def command(

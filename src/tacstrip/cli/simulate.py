@@ -27,6 +27,7 @@ from tacstrip.simulation import simulate
 @options.SENSOR
 @options.CONTACT
 @options.output("Readings file (CSV).")
+@options.FORCE
 @options.AT
 @options.TURN
 @options.option("--drag", type=options.POINT, multiple=True, metavar="X Y",
@@ -47,6 +48,7 @@ def command(
     sensor: str,
     contact: Path,
     output: Path,
+    force: bool,
     at: tuple[float, float] | None,
     turn: float,
     drag: tuple[tuple[float, float], ...],
@@ -66,8 +68,8 @@ def command(
 
     Example: tacstrip simulate prototype-crs-crs object.wkt -o readings.csv --at 32 160 --positional 0.005
     """
-    protect(output, sensor, contact)
-    protect(placed, sensor, contact, output)
+    protect(output, sensor, contact, force=force)
+    protect(placed, sensor, contact, output, force=force)
     protect(plot, sensor, contact, output)
     if placed is not None and drag:
         raise OptionError("--placed writes one place; leave --drag out")

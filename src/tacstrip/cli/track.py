@@ -11,7 +11,7 @@ import click
 import numpy as np
 import numpy.typing as npt
 
-from tacstrip.cli import load_sensor, new_file, note, one_layer, options, protect, warn, warn_of_input
+from tacstrip.cli import load_sensor, note, one_layer, options, protect, warn, warn_of_input
 from tacstrip.cli.replay import warn_of_cut
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError, ReadingError
@@ -56,7 +56,7 @@ def command(
 
     Example: tacstrip track session.mcap -o tracks.geojson --plot tracks.png
     """
-    protect(output, *files)
+    protect(output, *files, force=force)
     protect(plot, *files, output)
     recorded = output is not None and output.suffix.lower() == ".mcap"
     if output is not None and output.suffix.lower() not in (".mcap", ".geojson", ".json", ".csv"):
@@ -64,8 +64,6 @@ def command(
             f"-o {output}: objects over time go into a file that ends in .geojson, .csv or .mcap"
         )
     options.belong(output, "is for a file: -o FILE", "force")
-    if output is not None and recorded:
-        new_file(output, force, *files)
     source, raws = _opened(files, recorded)
     spec = source.sensor if source else load_sensor(files[0])
     spec = replace(spec, without=(*spec.without, *without))
@@ -152,9 +150,11 @@ def _way(one: Track, seen: npt.NDArray[np.int_]) -> str:
     off = float(np.hypot(spread[0, 2], spread[-1, 2]))
     if off > 180.0:  # a scan at the border tells no angle
         off = float(np.sqrt(2.0) * np.nanmedian(spread[:, 2]))
-    text = (
-        f"its centroid moved {net[0]:.3g} mm across and {net[1]:.3g} mm along the strips from first to last"
-    )
+    ways = [
+        f"{way:.3g} mm" + (f" +- {sigma:.2g}" if np.isfinite(sigma) and sigma > 0.0 else "")
+        for way, sigma in zip(net[:2], np.hypot(spread[0], spread[-1])[:2], strict=True)
+    ]
+    text = f"its centroid moved {ways[0]} across and {ways[1]} along the strips from first to last"
     if one.by_scan is not None:
         return f"{text}; how far it turned is not known"
     if off > _OPEN_DEG:

@@ -157,7 +157,11 @@ def value(text: str, line: int, column: Column) -> float:
         return float("nan")
     found = finite(text, line, column.name)
     if not -column.slack <= found <= column.top + column.slack:
-        hint = "is it in millivolts, or an A/D code?" if column.unit and found > column.top else ""
+        hint = (
+            "is it in millivolts or percent, or an A/D code? `tacstrip import` reads these"
+            if column.unit and found > column.top
+            else ""
+        )
         hint = hint or ("check adc_bits in the spec" if not column.unit else "check the wiring and vref_volt")
         raise ReadingError(
             f"line {line}: {column.name} = {text}{column.unit} is outside 0 to {column.top:.6g}{column.unit}; {hint}"

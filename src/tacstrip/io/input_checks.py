@@ -29,7 +29,9 @@ from tacstrip.sensor.spec import Sensor
 _PITCH_MM = 0.1  # nobody cuts strips as fine
 _LENGTH_MM = 2.0  # nor as short
 _MANY, _STUBBY = 8, 3.0  # strips, and pitches, below which so many strips are seldom long
-_TINY_MM = 10.0  # width of strips of such a pitch; the commonest sensor is ten centimetres wide
+_TINY_MM = (
+    10.0  # width of strips of such a pitch, half their length; the commonest sensor is ten centimetres wide
+)
 _SMALL = 0.01  # of the sensor's shorter side: a contact in metres is a thousandth of itself
 _CORNER = 0.1  # of the sensor: one in centimetres lies within this, whatever it is and wherever it was to be
 _VREF_VOLT = 2.0  # above it, volts that all stay below 1 are seldom volts
@@ -55,7 +57,8 @@ def unlikely_lengths(sensor: AnySensor) -> str:
             f"{said}strips hardly longer than they are apart? All lengths in a spec are millimetres; if the length is "
             f"in centimetres, write length_mm = {10.0 * sensor.length_mm:.6g}"
         )
-    if sensor.pitch_mm < 10.0 * _PITCH_MM and sensor.width_mm <= _TINY_MM:
+    tiny = sensor.width_mm <= _TINY_MM or sensor.length_mm < 2.0 * _TINY_MM
+    if sensor.pitch_mm < 10.0 * _PITCH_MM and tiny:
         return f"{said}mm, not cm? {_in_mm(sensor, 10.0)}"
     return ""
 

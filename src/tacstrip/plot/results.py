@@ -343,7 +343,7 @@ def _draw_frames(
         if part:
             zoom(axes, points, sensor)
         each = contacts if len(contacts) != len(shown) else contacts[order : order + 1]
-        _draw_shapes(axes, sensor, scene, each, with_regions=True)
+        _draw_shapes(axes, sensor, scene, each, with_regions=True, several=len(shown) > 1)
         axes.set_title(f"scan {i}, {times[i]:.4g} s" if timed else f"scan {i}")
         if order % grid[1]:
             axes.set_ylabel("")
@@ -407,7 +407,9 @@ def _draw_shapes(
     truth: Sequence[Contact],
     with_regions: bool,
     magnify: float = 1.0,
+    several: bool = False,
 ) -> None:
+    weights = not several and sum(bool(drawn.found.alternatives) for drawn in objects) <= 1
     for i, contact in enumerate(truth):
         draw_contact(axes, contact, label=None if i else "true shape")
     for drawn in objects:
@@ -422,7 +424,7 @@ def _draw_shapes(
             else:
                 draw_piece(axes, found, colour, drawn.label)
             for k, other in enumerate(found.alternatives if with_regions else ()):
-                label = f"alternative {k + 1}: {other.weight:.2f}"
+                label = f"alternative {k + 1}" + (f": {other.weight:.2f}" if weights else "")
                 dashes = (0, (1, 1 + k))  # dotted: what is doubtful is dashed
                 for outline in (other.vertices, *other.others):
                     ring = np.concatenate([outline, outline[:1]])

@@ -105,7 +105,11 @@ def of_runs(text: str) -> Table | None:
         for strip, pair in line.pairs.items():
             rows.append([*before, strip, *pair])
             lines.append(n)
-    told = [f"each line has a pair of values for each strip, such as {label}{next(iter(usual))}"]
+    strip, values = max(best[first].pairs.items(), key=lambda item: len("".join(item[1])))  # not 0 and 0
+    told = [
+        f"each line has a pair of values for each strip, such as {' and '.join(values)} of strip {label}{strip}; the "
+        f"{'two' if order else 'first is called a, the second b'}"
+    ]
     messages = [n for n, _ in odd if n not in broken]
     if messages:
         shown = ", ".join(map(str, messages[:_SHOWN])) + (", ..." if len(messages) > _SHOWN else "")

@@ -242,7 +242,10 @@ class Live:
         durable: bool = False,
     ) -> Recorder:
         """Begin a recording of all scans from now on, beside others; parameters and errors as of `Recorder`."""
-        source, notes = self.source, {"source": "live", "method": self.method or "best", **(about or {})}
+        source, notes = (
+            self.source,
+            {"source": "live", "method": chosen_method(self.method, self.source.sensor), **(about or {})},
+        )
         recorder = Recorder(path, source.sensor, source.names, source.origin_ns, notes, force, durable)
         writer = BackgroundRecorder(recorder, self.notify)
         with self._writing:
