@@ -60,14 +60,16 @@ def test_exit_codes_words_picture_and_json(folder: Path, contacts: list[ts.Conta
     assert "BROKEN: strip 5, v_l: stuck channel. Stays within" in bad.stdout
     assert "Check the multiplexer's address lines" in bad.stdout
     assert (folder / "health.png").read_bytes()[:4] == b"\x89PNG"
-    printed = bad.stdout.split("--positional ")[1].split(";")[0]
+    assert "too low to separate noise from motion" in bad.stdout
+    assert "--positional" not in bad.stdout  # a bound is not offered as a noise
+    printed = bad.stdout.split("at most +-")[1].split(" %")[0]
     done = run(folder, "doctor", "bad.csv", "--sensor", "sensor.toml", "--json")
     report = json.loads(done.stdout)
     assert done.returncode == 1
     assert [(f["fault"], f["strips"], f["signature"]) for f in report["findings"]] == [("stuck", [5], "kl")]
     assert not report["healthy"]
     assert report["noise"]["profile"] == "I"
-    assert float(printed) == pytest.approx(report["noise"]["half_width_percent"] / 100.0, rel=0.06)
+    assert float(printed) == pytest.approx(report["noise"]["half_width_percent"], rel=0.06)
     assert "is the noisiest" in bad.stdout
     assert len(report["strips"]) == 10
 
