@@ -75,6 +75,22 @@ def test_a_virtual_device_sends_what_is_due_and_leaves_out_what_is_far_too_late(
     assert decoder.counts.lost == 0  # left out by the device, not on the line
 
 
+def test_a_clock_that_steps_from_scan_to_scan_never_stands_still() -> None:
+    """Told to start at .3 s, a device was 1e-11 us short of its second scan, for ever."""
+    for begun_s in np.linspace(0.0, 3.0, 31):
+        line = Stepped(500.0)
+        line._now_s = float(begun_s)
+        line.write(Command(Kind.START).encode())
+        assert (
+            sum(
+                len(b)
+                for b in Decoder().feed(b"".join(line.read(0.0) for _ in range(100)))
+                if isinstance(b, ScanBatch)
+            )
+            >= 99
+        )
+
+
 def test_scans_have_the_time_of_every_strip_and_codes_that_decode() -> None:
     begun_s = time.time()
     source = ts.SerialSource(lambda: Stepped(500.0), SENSOR)

@@ -124,7 +124,8 @@ class VirtualDevice:
         """Return the scans that are due by now."""
         if not self._streaming:
             return b""
-        passed_us = (self._clock() - self._start_s) * 1e6
+        # A clock that steps to when a scan is due may be a rounding error short of it, and would stand still.
+        passed_us = round((self._clock() - self._start_s) * 1e6, 3)
         due = int(passed_us / self._period_us) + 1 - self._due if self._period_us else 1
         skipped = max(0, due - _MAX_BURST)
         self._late += skipped
