@@ -166,7 +166,7 @@ def remove_width_effect(
 ) -> dict[str, FloatArray]:
     """Return readings (n,) over Vref without what the width adds to those of an outline.
 
-    `corners` takes a millisecond for each strip with a corner on it, which the closed form has off by up to 5e-3.
+    `corners` solves for each strip with a corner on it, which the closed form has off by up to 5e-3.
     """
     l, u = (np.interp(x, *chain.T) for chain in (outline.lower, outline.upper))
     ends = WithCorners(sensor, outline, x).ends if corners else equivalent_ends(sensor, outline, x)
