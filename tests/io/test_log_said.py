@@ -178,3 +178,32 @@ def test_an_object_that_swings_is_no_sensors_in_turn(period: float) -> None:
 @pytest.mark.parametrize("many", [2, 3, 4])
 def test_sensors_in_turn_that_drift_are_asked_beside_swings(many: int) -> None:
     assert "turn" in asked(_swinging(many, turns=True))
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        "# strip 0 is the rightmost", "# strips are numbered from right to left", "# Streifen von rechts gezählt",
+        "# strip 2 = far left", "# bande 0 à droite", "# order: R -> L", "# pad mounted mirrored, strip 0 right",
+    ],
+)  # fmt: skip
+def test_strips_from_the_right_are_asked_and_turned_round(said: str) -> None:
+    assert asked(log(said))["strip_order"] == ("descending", "ascending")
+    plain = np.stack([s.values for s in read(log()).scans])
+    turned = np.stack([s.values for s in read(log(said), strip_order="descending").scans])
+    np.testing.assert_array_equal(turned, plain[:, ::-1])
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        "# strips from left to right", "# strip 2 at the right", "# pad of the right hand, 3 strips", "# strip 2 left open",
+        "# finger slid from right to left over the strips", "# h measured from the right end of the strip",
+    ],
+)  # fmt: skip
+def test_what_says_nothing_of_the_strips_order_is_no_question(said: str) -> None:
+    assert read(log(said)).mapping.strip_order == "ascending"
+
+
+def test_a_column_that_counts_from_the_right_is_asked_about() -> None:
+    assert "strip_order" in asked(log().replace("strip,", "strip_from_right,"))

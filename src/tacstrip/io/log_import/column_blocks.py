@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from tacstrip.errors import OptionError
 from tacstrip.io.log_import.ends import order_of_ends
+from tacstrip.io.log_import.mapping import STRIP_ORDERS
 from tacstrip.io.log_import.names import (
     Meaning,
 )
@@ -68,15 +69,14 @@ def readings_of_block(
     channels = 1 if which else max(len(clues.expected), 1)
     clues.counted = True
     strips = len(block) // channels
-    answer = clues.choice("strip_order", ("ascending", "descending"))
+    answer = clues.choice("strip_order", STRIP_ORDERS)
     told, line = strips_order_said(clues.table.preamble, strips)
     if told == "?" and not answer:
         clues.ask(
             "strip_order",
             f"a line above the columns, which have no names, says {line.strip()[:80]!r}: does the first strip stand "
             "first (ascending), or the last (descending)?",
-            "ascending",
-            "descending",
+            *STRIP_ORDERS,
         )
     elif told and not answer:
         answer = told
@@ -93,8 +93,7 @@ def readings_of_block(
         for n in range(len(block))
     ]
     at = [(strip, 1 - end) for strip, end in at] if low_first else at
-    if answer == "descending":
-        at = [(strips - 1 - strip, end) for strip, end in at]
+    clues.descending = answer == "descending"
     return {
         name: Meaning(
             "reading", "" if which or not clues.expected else clues.expected[end], strip, known[name].unit

@@ -20,11 +20,12 @@ from tacstrip.io.log_import.columns import Columns, find_columns
 from tacstrip.io.log_import.doubts import raise_doubts
 from tacstrip.io.log_import.ends import above
 from tacstrip.io.log_import.fields import STAMP, is_garbled
-from tacstrip.io.log_import.mapping import ColumnMapping
+from tacstrip.io.log_import.mapping import STRIP_ORDERS, ColumnMapping
 from tacstrip.io.log_import.names import CLOCKS, IN_VOLTS, meaning, meanings
 from tacstrip.io.log_import.others import drop_others
 from tacstrip.io.log_import.questions import KEYS, Clues, Question, Unanswered
 from tacstrip.io.log_import.scans import LogScan, is_newest_first, scans, strip_numbers
+from tacstrip.io.log_import.sides import from_the_right_said
 from tacstrip.io.log_import.statements import base_said
 from tacstrip.io.log_import.supply import ask_for_supply
 from tacstrip.io.log_import.table import PART, Table
@@ -278,7 +279,7 @@ def _rough(clues: Clues, found: Columns) -> tuple[ColumnMapping, list[LogScan]]:
         columns=found.readings, unit="V", strips=count, strip_base=base, scan=found.scan, strip=found.strip,
         which=found.which, which_h=which_h, time=found.time, strip_step=found.strip_step,
         broken_lines=_broken(clues), untouched=no_contact.words_for_nothing(clues, found), missing="untouched",
-        only=clues.only,
+        only=clues.only, strip_order=_strip_order(clues, found, count),
     )  # fmt: skip
     mapping = units.with_zero(clues, mapping)
     clues.choice("missing", ("untouched", "error"))
@@ -425,6 +426,23 @@ def _strips(clues: Clues, found: Columns) -> tuple[int, int]:
             f"spec: strip {int(base)} of the log is strip {said} of the readings; there is nothing to do"
         )
     return int(base), count or high - int(base) + 1
+
+
+def _strip_order(clues: Clues, found: Columns, strips: int) -> str:
+    """Return whether the log's strips run from the left, "ascending", or from the right."""
+    if answer := clues.choice("strip_order", STRIP_ORDERS):
+        if answer == "descending":
+            clues.because("the log's first strip is the last of the readings")
+        return answer
+    said = (*clues.table.preamble, found.strip.replace("_", " "))
+    if not clues.descending and (told := from_the_right_said(said, strips)):
+        clues.ask(
+            "strip_order",
+            f"the log says {told[:_LONG]!r}, and in readings the first strip is the leftmost: turn the strips' order "
+            "round (descending), or is the log's first strip the readings' first (ascending)?",
+            *STRIP_ORDERS[::-1],
+        )
+    return STRIP_ORDERS[clues.descending]
 
 
 def _ask_for_base(clues: Clues) -> None:

@@ -12,6 +12,7 @@ from tacstrip.files import read_text, why_unreadable, write_text
 from tacstrip.io.log_import.names import CHANNELS, CLOCKS, READING_UNITS, TIME_UNITS
 
 RESTARTS = ("error", "continue", "first", "last")
+STRIP_ORDERS = ("ascending", "descending")
 _KINDS: dict[str, type | tuple[type, ...]] = {
     "columns": dict, "untouched": list, "only": list, "strips": int, "strip_base": int, "format": int,
     "rate_hz": (int, float), "vref_volt": (int, float), "adc_bits": int, "time_bits": int, "strip_step": (int, float),
@@ -67,6 +68,8 @@ class ColumnMapping:
         Whether codes are of the resolution that the line above them says, and so brought to `adc_bits`.
     turn
         "1/2" where two sensors write in turn, and the first is meant.
+    strip_order
+        "descending" where the log's first strip is the sensor's last one.
     """
 
     columns: dict[str, str]
@@ -94,6 +97,7 @@ class ColumnMapping:
     zero: float = 0.0
     adc_bits_of_lines: bool = False
     turn: str = ""
+    strip_order: str = "ascending"
 
     def save(self, path: str | Path) -> None:
         """Write it as TOML."""
@@ -149,7 +153,7 @@ class ColumnMapping:
         for name, value, known in (
             ("unit", self.unit, READING_UNITS), ("time_unit", self.time_unit, (*TIME_UNITS, *CLOCKS)),
             ("missing", self.missing, ("untouched", "error")), ("broken_lines", self.broken_lines, ("skip", "error")),
-            ("restart", self.restart, RESTARTS),
+            ("restart", self.restart, RESTARTS), ("strip_order", self.strip_order, STRIP_ORDERS),
         ):  # fmt: skip
             if value not in known:
                 raise OptionError(f"{place}: " + one_of(name, value, known))

@@ -66,6 +66,7 @@ class Clues:
     doubts: list[str] = field(default_factory=list)  # what is read all the same, and may be meant otherwise
 
     only: tuple[str, ...] = ()  # lines that are taken, as "pad=left"
+    descending: bool = False  # whether the first strip's columns, which have no names, stand last
     counted: bool = False  # whether strips are counted here, for the log gives them no numbers
 
     def __post_init__(self) -> None:

@@ -90,6 +90,8 @@ def scans(table: Table, mapping: ColumnMapping, dropped: list[int] | None = None
         raise ReadingError("the log has no readings")
     found = _from_one_clock(found, mapping)
     _check_repeated(found)
+    if mapping.strip_order == "descending":
+        found = [replace(s, values=s.values[::-1]) for s in found]
     return in_turn(found, mapping.turn)
 
 

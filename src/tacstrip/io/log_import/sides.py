@@ -1,0 +1,67 @@
+"""At which side of the sensor a log says that its first strip lies: readings count strips from the left."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+_RIGHT = (
+    r"\b(?:right(?:most|-?hand)?(?!-?aligned)|rechts|rechte[nrs]?|droite|derech[ao]|direit[ao]|destr[ao])\b"
+)
+_LEFT = (
+    r"\b(?:left(?:most|-?hand)?(?! (?:open|un|out|empty|free|alone|as\b))|links|linke[nrs]?|gauche|izquierd[ao]"
+    r"|esquerd[ao]|sinistr[ao])\b"
+)
+_STRIP = (
+    r"(?:strips?|channels?|ch|columns?|s|streifen|kan\u00e4?le?|spalten?|bandes?|voies?|tiras?|canale?s?|fitas?"
+    r"|strisc(?:ia|e)|no\.?|nr\.?|#)"
+)
+_ORDER = (
+    rf"\b{_STRIP}\b|\b(?:sensor\w*|pins?|count\w*|number\w*|index\w*|order\w*|\w*z\u00e4hl\w*|\w*nummer\w*|reihenfolge"
+    r"|num\u00e9rot\w*|compt\w*|numerad\w*|contad\w*|numerat\w*|contat\w*)\b"
+)
+_TO = r"[\s\-/.]*(?:[-=]>|\u2192|\b(?:to|nach|bis|zu|vers|\u00e0|a)\b|[-/.]+|\s)[\s\-]*(?:(?:the|la|il)\s)?"
+_FROM = r"\b(?:from|start\w*|begin\w*|ab|von|depuis|partir|desde|dal?|dalla)\b"
+_FROM_RIGHT = re.compile(
+    rf"{_RIGHT}{_TO}{_LEFT}|\bR\s*(?:[-=]>|\u2192|\bto\b)\s*L\b|{_FROM}(?:(?!{_LEFT})[^.;:]){{0,25}}?{_RIGHT}"
+    r"|\b(?:mirror(?:ed)?|(?:ge)?spiegel(?:t|verkehrt)|espe(?:j|lh)ad[ao]s?|specchiat[aoei])\b",
+    re.IGNORECASE,
+)
+_FIRST, _LAST = (
+    r"\b(?:first|erste[rn]?|premi\u00e8re|primer[ao]|prim[ao])",
+    r"\b(?:last|letzte[rn]?|derni\u00e8re|ultim[ao])",
+)
+# Of what touches, of one strip beside another, of the two ends of a strip, or of nothing.
+_OTHERWISE = re.compile(
+    r"\b(?:mov\w*|slid\w*|roll\w*|drag\w*|swip\w*|fingers?|press\w*|object|ball|bewegt|\w*schoben|glis\w*"
+    rf"|no[tn]?|nicht|never|[vku]?_?[hl])\s|{_RIGHT}\s+(?:of|von|neben|next)\b|{_LEFT}{_TO}{_RIGHT}",
+    re.IGNORECASE,
+)
+
+
+def from_the_right_said(lines: Sequence[str], strips: int) -> str:
+    """Return the words that say that the first of so many strips lies at the right; "" where no line does.
+
+    Examples
+    --------
+    >>> from_the_right_said(["ADC 12 bit; strip 1 is the rightmost one"], 8)
+    'strip 1 is the rightmost one'
+    >>> from_the_right_said(["strips are numbered from right to left"], 8), from_the_right_said(["S8 = far left"], 8)
+    ('strips are numbered from right to left', 'S8 = far left')
+    >>> from_the_right_said(["strip 1 at the left, strip 8 at the right", "finger slid from the right strip"], 8)
+    ''
+    """
+    ends = re.compile(
+        "|".join(
+            rf"(?:\b{_STRIP}\s*(?:number\s*)?#?0?(?:{numbers})|{word}\s{_STRIP})\b[^.;,\d]{{0,25}}{side}(?! end\b)"
+            rf"|{side}\W+(?:[^\W\d]+\W+){{0,4}}?(?:(?:{_STRIP}|=|is|number|nummer)\s*#?0?(?:{numbers})|{word}\s{_STRIP})"
+            r"\b(?! of)"
+            for numbers, word, side in (("[01]", _FIRST, _RIGHT), (f"{strips - 1}|{strips}", _LAST, _LEFT))
+        ),
+        re.IGNORECASE,
+    )
+    for clause in (c.strip(" #%/!*\t") for line in lines for c in re.split(r"[;,\n]|(?<=[a-z])\.\s", line)):
+        of_order = re.search(_ORDER, clause, re.IGNORECASE) and _FROM_RIGHT.search(clause)
+        if (of_order or ends.search(clause)) and not _OTHERWISE.search(clause):
+            return clause
+    return ""
