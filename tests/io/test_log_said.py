@@ -207,3 +207,9 @@ def test_what_says_nothing_of_the_strips_order_is_no_question(said: str) -> None
 
 def test_a_column_that_counts_from_the_right_is_asked_about() -> None:
     assert "strip_order" in asked(log().replace("strip,", "strip_from_right,"))
+
+
+def test_columns_as_many_as_those_of_the_one_end_are_asked_about() -> None:
+    text = "".join(f"{0.02 * n:.2f}s R->L H:- 2.1 2.2 L:- 1.{n} 1.7\n" for n in SCANS)
+    assert asked(text)["L H[0]"] == ("h", "skip")
+    assert read(text, **{"L H[0]": "h"}).mapping.channels == ("h", "l")

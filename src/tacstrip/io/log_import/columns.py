@@ -75,7 +75,29 @@ def find_columns(clues: Clues) -> Columns:
     if passed := [n for n in clues.table.names if n not in used]:
         clues.because(f"passed over: {', '.join(passed)}")
         _refuse_lost(clues, known, found, passed)
+        _ask_for_other_end(clues, found, passed)
     return found
+
+
+def _ask_for_other_end(clues: Clues, found: Columns, passed: list[str]) -> None:
+    """Ask whether columns that are empty where those of the one end are, and are as many, are of the other end."""
+    one = {what.rpartition(":")[2] for what in found.readings.values()}
+    if clues.expected != ("h", "l") or found.which or len(one) != 1 or "readings" in clues.answers:
+        return
+    taken = [[v is None for v in clues.values(name)] for name in found.readings]
+    for group in numbered_groups(clues.table.names):
+        names = [*group.values()]
+        if {*names} <= {*passed} - {*clues.answers} and [
+            [v is None for v in clues.values(n)] for n in names
+        ] == taken:
+            other = "l" if one == {"h"} else "h"
+            clues.ask(
+                names[0],
+                f"{names[0]} ... {names[-1]}: as many numbers as {next(iter(found.readings))} ..., and no column is "
+                f"named v_{other}: is it these?",
+                other,
+                "skip",
+            )
 
 
 def _refuse_lost(clues: Clues, known: dict[str, Meaning], found: Columns, passed: list[str]) -> None:
