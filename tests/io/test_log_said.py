@@ -197,8 +197,10 @@ def test_strips_from_the_right_are_asked_and_turned_round(said: str) -> None:
 @pytest.mark.parametrize(
     "said",
     [
-        "# strips from left to right", "# strip 2 at the right", "# pad of the right hand, 3 strips", "# strip 2 left open",
-        "# finger slid from right to left over the strips", "# h measured from the right end of the strip",
+        "# strips from left to right", "# strip 2 at the right",
+        "# pad of the right hand, 3 strips",
+        "# strip 2 left open",        "# finger slid from right to left over the strips",
+        "# h measured from the right end of the strip",
     ],
 )  # fmt: skip
 def test_what_says_nothing_of_the_strips_order_is_no_question(said: str) -> None:
