@@ -38,6 +38,11 @@ _UNPROVEN = "a shape found after an alarm has explained {scans} scans so far, an
 _JOINT = "it shares strips with another object, so that this scan does not tell its pose"
 _UNEXPLAINED = "the shape that explains the other scans does not explain this one"
 _BACK = "the clock went back: no velocity"
+_WIDE = 0.01  # of the length: on wider strips outlines over time are off by too much to be likely
+_LINES = (
+    "strips are {width:g} mm wide, which an outline over time leaves out: its corners may be off by half of that, "
+    "and by more than their regions say"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +65,7 @@ class LiveTrack:
     scans
         How many tell of the outline.
     status
-        "ok", "likely" or "doubtful" (read the advice).
+        "ok", "likely" or "doubtful" (read the advice); with `strip_width_mm` "likely" at best.
     advice
         In words; empty when all is well.
     alternatives
@@ -373,6 +378,10 @@ class LiveContact:
         passed = lag.passed_s
         if passed <= 0.0:
             advice.append(STANDS if passed == 0.0 else _BACK)
+        if (width := lag.sensor.strip_width_mm) is not None:
+            advice.append(_LINES.format(width=width))
+            thin = status != "doubtful" and width <= _WIDE * lag.sensor.length_mm
+            status = "likely" if thin else "doubtful"
         pose = nowhere if trouble else lag.pose
         return LiveTrack(
             self.id, lag.corners, pose, nowhere if trouble else lag.velocity, time_s, lag.scans, status,

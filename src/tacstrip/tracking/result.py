@@ -41,7 +41,8 @@ class Track(Drawn):
     velocities
         Of the poses (T, 3) [mm/s, mm/s, rad/s]; NaN where it is absent or the clock stands still.
     status
-        "ok", "likely" or "doubtful" (read the advice), or that of the single scan which showed most of it.
+        "ok", "likely" or "doubtful" (read the advice), or that of the single scan which showed most of it; on strips
+        of some width (`strip_width_mm`) "likely" at best.
     advice
         In words; empty when all is well.
     alternatives

@@ -29,6 +29,7 @@ from tacstrip.tracking.rigid.search import content
 from tacstrip.tracking.stretches import explained_too, searched, with_stretches
 from tacstrip.tracking.summary import of_one_scan, summarised
 from tacstrip.tracking.together import together
+from tacstrip.tracking.wide_strips import tracked_on_wide_strips
 
 _LOOKS = 3  # single scans that are asked whether strips between touched ones are dead
 
@@ -98,8 +99,35 @@ def track(scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None) -> 
     # a scan that touches only strips whose other channel is left out lacks a signature that others have
     names = tuple(name for name in own if any(np.isfinite(scan.reading(name)).any() for scan in read)) or own
     noise = sensor.noise if noise is None else noise
-    k = np.stack([np.stack([scan.reading(name) for name in names]) for scan in read])
     sigma = None if noise is None else max(fit_sigma(noise, sensor, Averaging.of(read[0])), FLOOR)
+
+    def of_lines(lines: list[Scan], thin: Sensor) -> list[Track]:
+        return _tracked(lines, thin, noise, sigma, names)
+
+    if sensor.strip_width_mm is None:
+        tracks = of_lines(read, sensor)
+    else:
+        tracks = tracked_on_wide_strips(read, sensor, noise, sigma, of_lines)
+    standing = STANDS if len(times) > 1 and not np.diff(times).any() else ""
+    outlines = [placed(t.outline, t.poses[i]) for t in tracks for i in np.flatnonzero(t.present)]
+    scale = scale_hint(read, outlines, sensor)
+    first = [int(np.argmax(t.present)) for t in tracks]
+    done = []
+    for i, (_, t) in enumerate(
+        sorted(zip(first, tracks, strict=True), key=lambda p: (p[0], p[1].poses[p[0], 0])), 1
+    ):
+        status, advice = doubted(t.status, t.advice, scale)
+        advice = "; ".join(filter(None, [advice, standing]))
+        velocities = _velocities(t.poses, times)
+        done.append(replace(t, id=i, times_s=times, velocities=velocities, status=status, advice=advice))
+    return done
+
+
+def _tracked(
+    read: list[Scan], sensor: Sensor, noise: Noise | None, sigma: float | None, names: tuple[str, ...]
+) -> list[Track]:
+    """Return the tracks of scans of strips that are lines, in any order."""
+    k = np.stack([np.stack([scan.reading(name) for name in names]) for scan in read])
     distribution = "normal" if noise is None or not noise.independent else noise.distribution
     stretches = episodes(k, sensor.closed, _silent(read, sensor, noise))
     readings = Readings(k, Skin(sensor, spanned(stretches, sensor.strips)), names, sigma, distribution)
@@ -116,29 +144,17 @@ def track(scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None) -> 
             new = with_stretches(seen, one, left, readings)
             objects = explained_too(new, objects, readings)
     objects, unlike = together(objects, unlike, stretches, readings)
-    tracks: list[tuple[int, Track]] = []
+    tracks: list[Track] = []
     while unlike:
         one = unlike.pop(0)
         seen = tried[id(one)]
         if seen is not None and seen.begun is not None:
             seen = searched(one, readings, begun=seen.begun)
         if seen is None:
-            tracks.append((one.scans[0], of_one_scan(one, read, sensor, noise)))
+            tracks.append(of_one_scan(one, read, sensor, noise))
         else:
             objects.append(with_stretches(seen, one, unlike, readings))
-    for each in objects:
-        found = summarised(each, read, readings, noise)
-        tracks.append((int(np.argmax(found.present)), found))
-    standing = STANDS if len(times) > 1 and not np.diff(times).any() else ""
-    outlines = [placed(t.outline, t.poses[i]) for _, t in tracks for i in np.flatnonzero(t.present)]
-    scale = scale_hint(read, outlines, sensor)
-    done = []
-    for i, (_, t) in enumerate(sorted(tracks, key=lambda pair: (pair[0], pair[1].poses[pair[0], 0])), 1):
-        status, advice = doubted(t.status, t.advice, scale)
-        advice = "; ".join(filter(None, [advice, standing]))
-        velocities = _velocities(t.poses, times)
-        done.append(replace(t, id=i, times_s=times, velocities=velocities, status=status, advice=advice))
-    return done
+    return [*tracks, *(summarised(each, read, readings, noise) for each in objects)]
 
 
 def _velocities(poses: FloatArray, times: FloatArray) -> FloatArray:
