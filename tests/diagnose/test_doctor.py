@@ -473,17 +473,23 @@ def _at_rest(log: Log, rest: float) -> Log:
     return Log.of(sensor, log.time_s, raw)
 
 
+@pytest.fixture(scope="module", params=[RUBBER, METAL])
+def sound_and_cut(request: pytest.FixtureRequest) -> tuple[Log, Log]:
+    """Return the logs of a sound unit and of one whose strip 7 is cut."""
+    contacts = exercise(request.param, np.random.default_rng(5), 240)
+    cut = Defect("open-strip", 7, 0.6)
+    sound, faulty = (faulty_log(request.param, contacts, put, FAINT, 5, 220.0) for put in ((), (cut,)))
+    return sound, faulty
+
+
 @pytest.mark.parametrize("rest", [0.0, 0.1, 0.3, 0.5, 0.7, 1.0])
-@pytest.mark.parametrize("sensor", [RUBBER, METAL])
-def test_any_level_of_rest(sensor: ts.Sensor, rest: float) -> None:
-    contacts = exercise(sensor, np.random.default_rng(5), 480)
-    sound = faulty_log(sensor, contacts, (), FAINT, 5, 220.0)
+def test_any_level_of_rest(sound_and_cut: tuple[Log, Log], rest: float) -> None:
+    sound, cut = sound_and_cut
     assert diagnose(_at_rest(sound, rest)).findings == ()
-    cut = faulty_log(sensor, contacts, [Defect("open-strip", 7, 0.6)], FAINT, 5, 220.0)
     _only(diagnose(_at_rest(cut, rest)), "open-strip", 7)
     name = next(iter(sound.raw))
     unheld = _at_rest(sound, rest)
     read = {**unheld.raw, name: unheld.raw[name].copy()}
     read[name][:, 4] = rest
     (found,) = diagnose(Log.of(unheld.sensor, unheld.time_s, read)).findings
-    assert (found.fault, found.strips) == ("dead" if sensor is RUBBER else "open-strip", (4,))
+    assert (found.fault, found.strips) == ("dead" if sound.sensor is RUBBER else "open-strip", (4,))
