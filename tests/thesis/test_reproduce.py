@@ -35,7 +35,7 @@ LOOKED_AT = ("2_03", "3_07", "4_09", "5_02", "5_05", "6_01", "6_05", "6_30")
 
 
 def _sketch(drawn: Figure, file: Path) -> Path:
-    """Check a figure's axes and write it, all but those of `LOOKED_AT` small, not laid out, without ticks and legends."""
+    """Check a figure's axes and write it; all but those of `LOOKED_AT` small, not laid out, without ticks or legend."""
     assert drawn.axes
     # Not all of chapter 6 have names.
     named = all(axes.get_xlabel() and axes.get_ylabel() for axes in drawn.axes)
