@@ -36,7 +36,7 @@ FAINT = Noise(positional=0.001)
 
 
 def _examined(
-    sensor: ts.Sensor, *defects: Defect, noise: Noise = FAINT, scans: int = 480, seed: int = 5
+    sensor: ts.Sensor, *defects: Defect, noise: Noise = FAINT, scans: int = 240, seed: int = 5
 ) -> Report:
     contacts = exercise(sensor, np.random.default_rng(seed), scans)
     return diagnose(faulty_log(sensor, contacts, defects, noise, seed, 220.0))
@@ -248,7 +248,7 @@ def test_hum_that_sampling_hides_is_listed_as_unchecked() -> None:
 def test_excess_noise_of_one_strip_and_of_all() -> None:
     one = _only(_examined(RUBBER, Defect("noise", 6, 0.03)), "noise", 6)
     assert one.numbers["sigma"] == pytest.approx(0.03, rel=0.3)
-    _only(_examined(RUBBER, Defect("noise", None, 0.02)), "noise")
+    _only(_examined(RUBBER, Defect("noise", None, 0.02), scans=480), "noise")
 
 
 def test_missing_bits() -> None:
@@ -259,7 +259,7 @@ def test_missing_bits() -> None:
 
 @pytest.mark.parametrize("half_width", [0.002, 0.005, 0.01])
 def test_noise_in_the_terms_of_the_thesis(half_width: float) -> None:
-    report = _examined(RUBBER, noise=Noise(positional=half_width))
+    report = _examined(RUBBER, noise=Noise(positional=half_width), scans=480)
     noise = report.quality
     assert report.healthy
     assert noise.half_width_percent == pytest.approx(100.0 * half_width, rel=0.2)
