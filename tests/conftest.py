@@ -22,13 +22,17 @@ if hasattr(
 
 # Begun last, one process would wait for them; the longest first.
 LONGEST = (
-    "thesis/test_reproduce.py",
     "view/test_page.py",
-    "firmware/test_emulated.py",
     "diagnose/test_doctor.py",
-    "dataset/test_sweep.py",
+    "tracking/test_shared_strips.py",
+    "calibrate/test_unit.py",
+    "thesis/test_reproduce.py",
+    "tracking/test_track.py",
+    "studies/test_sound_scenes.py",
     "network/test_crp.py",
+    "firmware/test_emulated.py",
     "plot/test_public.py",
+    "dataset/test_sweep.py",
     "view/test_server.py",
     "stream/test_recording_kill.py",
     "stream/test_live.py",

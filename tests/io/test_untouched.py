@@ -65,7 +65,7 @@ def _small(random: np.random.Generator, sensor: ts.Sensor) -> ts.Contact:
 def test_a_shape_of_untouched_strips_is_doubted_and_says_what_to_do(name: str, level: float) -> None:
     random, sensor = np.random.default_rng(1), _sensor(name)
     advised = good = 0
-    for _ in range(12):
+    for _ in range(6):
         k = _read(sensor, [_small(random, sensor)], 0.002, random, level)
         found = ts.fit_polygon(
             ts.Scan(k["kh"][0], k["kl"][0]) if len(k) > 1 else ts.Scan(k=k["k"][0]),
@@ -82,7 +82,7 @@ def test_a_shape_of_untouched_strips_is_doubted_and_says_what_to_do(name: str, l
             scan = ts.Scan(right.get("kh"), right.get("kl"), right.get("k"))
             found = ts.fit_polygon(scan, mended, assessment="fast")
             good += found.status in ("ok", "likely", "doubtful") and not scan.touched.all()
-    assert advised >= 10
+    assert advised >= 5
     assert good == advised
 
 

@@ -201,8 +201,8 @@ def error(sensor: ts.Sensor, found: crp.InversionResult, l: FloatArray, u: Float
 def test_clean_readings_give_l_and_u_back(shape: str, convex: bool) -> None:
     sensor = a_sensor()
     l, u = span(sensor, shape)
-    own = crp.invert(sensor, *crp_spans.own_electrodes(sensor, l, u, 60), convex=convex, rows=60)
-    every = crp.invert_all(sensor, crp_spans.all_electrodes(sensor, l, u, 60), convex=convex, rows=60)
+    own = crp.invert(sensor, *crp_spans.own_electrodes(sensor, l, u, 40), convex=convex, rows=40)
+    every = crp.invert_all(sensor, crp_spans.all_electrodes(sensor, l, u, 40), convex=convex, rows=40)
     for found in (own, every):
         assert np.nanmax(error(sensor, found, l, u)) < 1e-9
         assert "not converged" not in found.status
@@ -303,7 +303,7 @@ def noise_over_bound(shape: str, electrodes: Electrodes, trials: int, rows: int 
 
 @pytest.mark.parametrize("electrodes", ["own", "all"])
 def test_noise_costs_what_the_bound_says(electrodes: Electrodes) -> None:
-    found = noise_over_bound("hexagon", electrodes, 30, rows=25)
+    found = noise_over_bound("hexagon", electrodes, 30, rows=20)
     over = np.sqrt((found.errors**2).mean(axis=0)) / found.bound
     assert 0.8 < np.sqrt((over**2).mean()) < 1.25
     assert over.max() < 1.6  # of 30 trials
@@ -323,7 +323,7 @@ def test_noise_costs_what_the_bound_says_end_by_end(shape: str, electrodes: Elec
 
 
 def test_all_electrodes_of_a_wide_contact_reach_half_a_permille() -> None:
-    found = noise_over_bound("hexagon", "all", 30, rows=25)
+    found = noise_over_bound("hexagon", "all", 30, rows=20)
     assert np.median(np.abs(found.errors)) < 5e-4 * L
     assert np.median(found.bound) < 5e-4 * L
 

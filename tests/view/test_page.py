@@ -34,7 +34,7 @@ pytestmark = pytest.mark.skipif(
 )
 
 SENSOR = ts.Sensor(construction="crs-crs", strips=50, pitch_mm=2.0, length_mm=100.0, adc_bits=12)
-RATE_HZ = 200.0  # more than a screen draws; each scan costs the tests' processor its reconstruction
+RATE_HZ = 80.0  # more than a screen draws; each scan costs the tests' processor its reconstruction
 OBJECTS = [
     [(10.0, 58.0), (26.0, 30.0), (44.0, 44.0), (36.0, 80.0)],
     [(60.0, 22.0), (88.0, 34.0), (70.0, 66.0)],
@@ -259,12 +259,12 @@ def test_pictures(
 ) -> None:
     page = open_page(viewport={"width": 1000, "height": 800}, color_scheme=scheme)
     assert page.evaluate("() => document.documentElement.dataset.theme") == scheme
-    for field, value in (("noise", "1"), ("hz", "250")):  # so that regions show
+    for field, value in (("noise", "1"), ("hz", "100")):  # so that regions show
         page.locator(f"#{field}").fill(value)
         page.locator(f"#{field}").press("Enter")
     page.locator(".region").first.wait_for(state="attached")
     page.locator("#hz").blur()
-    settled = server.controller.live.frames + 500
+    settled = server.controller.live.frames + 200
     wait_until(lambda: server.controller.live.frames > settled)
     wait_until(lambda: [(one["status"], one["advice"]) for one in _objects(page)] == [("ok", "")] * 2)
     _picture(page, name, tmp_path)
@@ -310,7 +310,7 @@ def test_the_shape_from_all_scans_is_drawn_beside_the_single_one(
 
 
 def test_a_solid_is_pressed_into_a_fingertip_that_is_shown_in_space(browser: Any, tmp_path: Path) -> None:
-    simulator = Simulator(Settings(ts.Sensor.load("fingertip"), 100.0, ts.Noise(positional=0.001)))
+    simulator = Simulator(Settings(ts.Sensor.load("fingertip"), 25.0, ts.Noise(positional=0.001)))
     with Live(simulator.source(), next_source=simulator.source) as live, background_process() as executor:
         server = Server(Controller(live, executor, simulator, tmp_path), Access("127.0.0.1"))
         page, faults = _page(browser, viewport={"width": 1000, "height": 800}), list[str]()

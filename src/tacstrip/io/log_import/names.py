@@ -156,6 +156,7 @@ def is_strip_word(word: str) -> bool:
     return len(low) > _ABBREVIATED and low in _STRIP and low not in _INPUTS
 
 
+@lru_cache(maxsize=2**12)
 def meaning(name: str) -> Meaning:
     """Interpret a column's name.
 
