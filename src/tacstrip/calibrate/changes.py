@@ -1,7 +1,7 @@
 """What changed while runs were made: a strip that reads otherwise from some press on, a ruler that slipped, drift.
 
-Score tests (Rao 1948): a step before each contact is one more parameter of the linearised fit, an offset of one strip or
-a shift of all contacts. All are read off the same factorisation, so a test costs as much as one step of a fit.
+Score tests (Rao 1948): a step before each contact is one more parameter of the linearised fit, an offset of one strip
+or a shift of all contacts. All are read off the same factorisation, so a test costs as much as one step of a fit.
 """
 
 from __future__ import annotations
@@ -16,7 +16,10 @@ from tacstrip.sensor.spec import Sensor
 
 _SURE = 5.5  # standard deviations of a step: over all places and strips, 1 in 10,000 sound runs by chance
 _MATTERS = 0.002  # of Vref, or of the length: a smaller step leaves less than calibrations are asked for
-_OWN, _FEWEST = 0.125, 2  # of a strip's rows, excluded while the presses' other strips agree: not a slip any more
+_OWN, _FEWEST = (
+    0.125,
+    2,
+)  # of a strip's rows, excluded while the presses' other strips agree: not a slip any more
 _HALF = 0.5  # of a press's strips; of a strip's squares, which a step explains
 _KNOWN = 1e-6  # of a step's square, what the fit's parameters leave of it
 _NAMED = 4  # strips and lines
@@ -32,7 +35,7 @@ def changed(sensor: Sensor, runs: Runs, fit: ModelFit | None) -> str:
     fit
         None for mean offsets, which tell nothing.
     """
-    if fit is None:
+    if fit is None or len(runs.l_mm) < _FEWEST:
         return ""
     usable = usable_rows(runs)
     out = usable & ~(fit.weight > 0.0)
@@ -44,29 +47,32 @@ def changed(sensor: Sensor, runs: Runs, fit: ModelFit | None) -> str:
     at = np.abs(z).argmax(axis=0)  # (strips,)
     strip = np.arange(sensor.strips)
     stepped = (np.abs(z[at, strip]) > _SURE) & (np.abs(size[at, strip]) > _MATTERS)
-    if (found := np.flatnonzero(stepped | many)).size and found.size <= _HALF * sensor.strips:
+    found = np.flatnonzero(stepped | many)
+    if 0 < len(found) <= _HALF * sensor.strips:
         words = []
         for i in found[:_NAMED]:
             name, lines = i + sensor.strip_base, runs.line[own[:, i], i]
             if stepped[i] and (share[at[i], i] > _HALF or not many[i]):
-                by = 100.0 * size[at[i], i]
-                words.append(f"strip {name} reads otherwise from line {runs.line[at[i], i]} on, by {by:+.2g} % of Vref")
+                begin, by = runs.line[at[i] + 1, i], 100.0 * size[at[i], i]
+                words.append(f"strip {name} reads otherwise from line {begin} on, by {by:+.2g} % of Vref")
             else:
+                rows = f"{len(lines)} of {usable[:, i].sum()} rows of strip {name}"
                 some = ", ".join(map(str, lines[:_NAMED])) + (" ..." if len(lines) > _NAMED else "")
-                words.append(f"{len(lines)} of {usable[:, i].sum()} rows of strip {name} contradict its others (lines {some})")
-        more = f" and {found.size - _NAMED} strips more" if found.size > _NAMED else ""
+                words.append(f"{rows} contradict its others (lines {some})")
+        more = f"; and {len(found) - _NAMED} strips more" if len(found) > _NAMED else ""
         return (
-            f"{'; '.join(words)}{more}: has a joint come loose on the way, is the rubber cut, or were rows mixed up? Look at "
-            "the wires (`tacstrip doctor`) and at these rows, and press again"
+            f"{'; '.join(words)}{more}: has a joint come loose on the way, is the rubber cut, or were rows mixed up? "
+            "Look at the wires (`tacstrip doctor`) and at these rows, and press again"
         )
     z_all, moved_mm = steps.of_all()
     t = int(np.abs(z_all).argmax())
     if abs(z_all[t]) < _SURE or abs(moved_mm[t]) < _MATTERS * sensor.length_mm:
         return ""
+    lines = runs.line[t + 1]
     return (
-        f"from line {runs.line[t][runs.line[t] > 0].min()} on all strips read as if contacts lay {moved_mm[t]:+.2g} mm from where "
-        "the runs say, against those before: has the ruler or its zero moved, is a bar of another width, or do readings drift? "
-        "Measure the places anew, let the device warm up, and press again"
+        f"from line {lines[lines > 0].min()} on all strips read as if contacts lay {moved_mm[t]:+.2g} mm from where "
+        "the runs say, against those before: has the ruler or its zero moved, is a bar of another width, or do "
+        "readings drift? Measure the places anew, let the device warm up, and press again"
     )
 
 
@@ -86,7 +92,7 @@ class _Steps:
         spans = system.leverages(off.shape).reshape(sensor.strips, len(off) * len(counts), -1)
         self.own, self.common = np.split(spans, [system.q.shape[2]], axis=2)
         self.off = self._rows(here.whiten(off)[..., None])
-        self.later = np.tri(len(counts))[:, None, :]  # (contacts, strips, from which on)
+        self.later = np.tri(len(counts))[:, None, 1:]  # (contacts, strips, from the second on)
 
     def _rows(self, columns: FloatArray) -> FloatArray:
         """Return columns (signatures, contacts, strips, n) as (strips, rows, n), 0 where rows do not count."""
@@ -94,7 +100,7 @@ class _Steps:
         return columns.reshape(len(columns), -1, columns.shape[3])
 
     def of_strips(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return steps of a strip's offset in the signature where they are surest, each (contacts, strips).
+        """Return steps of a strip's offset where they are surest of all signatures, each (contacts - 1, strips).
 
         How many deviations, how much over Vref, and which share of the strip's squares a step explains.
         """
@@ -102,7 +108,9 @@ class _Steps:
         for which in range(self.here.white.shape[2]):
             step = self._rows(np.moveaxis(self.here.white[..., which], 2, 0)[..., None] * self.later)
             whole = (step**2).sum(axis=1)
-            left = whole - sum(((np.swapaxes(q, 1, 2) @ step) ** 2).sum(axis=1) for q in (self.own, self.common))
+            left = whole - sum(
+                ((np.swapaxes(q, 1, 2) @ step) ** 2).sum(axis=1) for q in (self.own, self.common)
+            )
             left = np.where(left > _KNOWN * whole, left, np.inf)
             score = (step * self.off).sum(axis=1)
             z.append((score / np.sqrt(left)).T)
@@ -113,7 +121,7 @@ class _Steps:
         return surest, by, (np.stack(z) ** 2).sum(axis=0) / np.maximum(squares, 1e-12)
 
     def of_all(self) -> tuple[FloatArray, FloatArray]:
-        """Return steps of all contacts' places (contacts,): how many deviations, and how far [mm]."""
+        """Return steps of all contacts' places (contacts - 1,): how many deviations, and how far [mm]."""
         step = self._rows(self.here.whiten(self.here.by_place[..., 0])[..., None] * self.later)
         whole = (step**2).sum(axis=(0, 1))
         left = whole - ((np.swapaxes(self.own, 1, 2) @ step) ** 2).sum(axis=(0, 1))

@@ -183,7 +183,16 @@ def _gauss_newton(
     by_name = dict(zip(runs.signatures, sigma.tolist(), strict=True))
     evidence = _evidence(here, system, residual - shift, usable, errors)
     return ModelFit(
-        constants, shared_sigma, own_sigma, by_name, weight, evidence, residual - shift, together, places, pooled
+        constants,
+        shared_sigma,
+        own_sigma,
+        by_name,
+        weight,
+        evidence,
+        residual - shift,
+        together,
+        places,
+        pooled,
     )
 
 
