@@ -16,10 +16,7 @@ from tacstrip.sensor.spec import Sensor
 
 _SURE = 5.5  # standard deviations of a step: over all places and strips, 1 in 10,000 sound runs by chance
 _MATTERS = 0.002  # of Vref, or of the length: a smaller step leaves less than calibrations are asked for
-_OWN, _FEWEST = (
-    0.125,
-    2,
-)  # of a strip's rows, excluded while the presses' other strips agree: not a slip any more
+_OWN, _FEWEST = 0.125, 2  # of a strip's rows, excluded where other strips' agree: no slip any more; rows
 _HALF = 0.5  # of a press's strips; of a strip's squares, which a step explains
 _KNOWN = 1e-6  # of a step's square, what the fit's parameters leave of it
 _NAMED = 4  # strips and lines
@@ -48,31 +45,32 @@ def changed(sensor: Sensor, runs: Runs, fit: ModelFit | None) -> str:
     strip = np.arange(sensor.strips)
     stepped = (np.abs(z[at, strip]) > _SURE) & (np.abs(size[at, strip]) > _MATTERS)
     found = np.flatnonzero(stepped | many)
-    if 0 < len(found) <= _HALF * sensor.strips:
-        words = []
-        for i in found[:_NAMED]:
-            name, lines = i + sensor.strip_base, runs.line[own[:, i], i]
-            if stepped[i] and (share[at[i], i] > _HALF or not many[i]):
-                begin, by = runs.line[at[i] + 1, i], 100.0 * size[at[i], i]
-                words.append(f"strip {name} reads otherwise from line {begin} on, by {by:+.2g} % of Vref")
-            else:
-                rows = f"{len(lines)} of {usable[:, i].sum()} rows of strip {name}"
-                some = ", ".join(map(str, lines[:_NAMED])) + (" ..." if len(lines) > _NAMED else "")
-                words.append(f"{rows} contradict its others (lines {some})")
-        more = f"; and {len(found) - _NAMED} strips more" if len(found) > _NAMED else ""
-        return (
-            f"{'; '.join(words)}{more}: has a joint come loose on the way, is the rubber cut, or were rows mixed up? "
-            "Look at the wires (`tacstrip doctor`) and at these rows, and press again"
-        )
     z_all, moved_mm = steps.of_all()
     t = int(np.abs(z_all).argmax())
-    if abs(z_all[t]) < _SURE or abs(moved_mm[t]) < _MATTERS * sensor.length_mm:
+    moved = abs(z_all[t]) > _SURE and abs(moved_mm[t]) > _MATTERS * sensor.length_mm
+    if moved and not 0 < len(found) <= _HALF * sensor.strips:
+        first = runs.line[t + 1][runs.line[t + 1] > 0].min()
+        return (
+            f"from line {first} on all strips read as if contacts lay {moved_mm[t]:+.2g} mm from where "
+            "the runs say, against those before: has the ruler or its zero moved, is a bar of another width, or do "
+            "readings drift? Measure the places anew, let the device warm up, and press again"
+        )
+    words = []
+    for i in found[:_NAMED]:
+        name, lines = i + sensor.strip_base, runs.line[own[:, i], i]
+        if stepped[i] and (share[at[i], i] > _HALF or not many[i]):
+            begin, by = runs.line[at[i] + 1, i], 100.0 * size[at[i], i]
+            words.append(f"strip {name} reads otherwise from line {begin} on, by {by:+.2g} % of Vref")
+        else:
+            rows = f"{len(lines)} of {usable[:, i].sum()} rows of strip {name}"
+            some = ", ".join(map(str, lines[:_NAMED])) + (" ..." if len(lines) > _NAMED else "")
+            words.append(f"{rows} contradict its others (lines {some})")
+    if not words:
         return ""
-    lines = runs.line[t + 1]
+    more = f"; and {len(found) - _NAMED} strips more" if len(found) > _NAMED else ""
     return (
-        f"from line {lines[lines > 0].min()} on all strips read as if contacts lay {moved_mm[t]:+.2g} mm from where "
-        "the runs say, against those before: has the ruler or its zero moved, is a bar of another width, or do "
-        "readings drift? Measure the places anew, let the device warm up, and press again"
+        f"{'; '.join(words)}{more}: has a joint come loose on the way, is the rubber cut, or were rows mixed up? "
+        "Look at the wires (`tacstrip doctor`) and at these rows, and press again"
     )
 
 
