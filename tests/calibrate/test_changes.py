@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import tacstrip as ts
+from tacstrip.calibrate.place_errors import place_numbers
 
 STRIPS, LENGTH = 6, 200.0
 SENSOR = ts.Sensor(construction="crs-m", strips=STRIPS, pitch_mm=6.0, length_mm=LENGTH)
@@ -68,3 +69,13 @@ def test_a_ruler_that_slips_on_the_way_is_told_with_row_and_distance() -> None:
     result = ts.calibrate_unit(SENSOR, replace(sound, l_mm=said))
     assert result.status == "doubtful"
     assert f"from line {sound.line[8].min()} on all strips read as if contacts lay +1." in result.advice
+
+
+def test_strips_share_what_a_slanted_bar_is_off_by() -> None:
+    """Taken strip by strip, it told an offset as surely as a bar for each strip."""
+    straight = runs(8)
+    l = straight.l_mm.copy()
+    l[5] = np.linspace(30.0, 170.0, STRIPS)
+    number = place_numbers(replace(straight, l_mm=l))
+    assert (number == number[:, :1]).all()
+    assert number[5, 0] not in np.delete(number[:, 0], 5)
