@@ -7,6 +7,7 @@ or a shift of all contacts. All are read off the same factorisation, so a test c
 from __future__ import annotations
 
 import numpy as np
+from scipy.special import fdtrc
 
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.calibrate.fit import Linear, ModelFit, usable_rows
@@ -17,6 +18,10 @@ from tacstrip.sensor.spec import Sensor
 _SURE = 5.5  # standard deviations of a step: over all places and strips, 1 in 10,000 sound runs by chance
 _MATTERS = 0.002  # of Vref, or of the length: a smaller step leaves less than calibrations are asked for
 _OWN, _FEWEST = 0.125, 2  # of a strip's rows, excluded where other strips' agree: no slip any more; rows
+_UNLIKELY, _TIMES = (
+    1e-5,
+    2.0,
+)  # probability of a strip's squares beside the others'; how many times as far off
 _HALF = 0.5  # of a press's strips; of a strip's squares, which a step explains
 _KNOWN = 1e-6  # of a step's square, what the fit's parameters leave of it
 _NAMED = 4  # strips and lines
@@ -44,7 +49,9 @@ def changed(sensor: Sensor, runs: Runs, fit: ModelFit | None) -> str:
     at = np.abs(z).argmax(axis=0)  # (strips,)
     strip = np.arange(sensor.strips)
     stepped = (np.abs(z[at, strip]) > _SURE) & (np.abs(size[at, strip]) > _MATTERS)
-    found = np.flatnonzero(stepped | many)
+    unlikely, off = steps.misfit()
+    apart = (unlikely < _UNLIKELY) & (off > _TIMES * np.median(off)) & (off > _MATTERS)
+    found = np.flatnonzero(stepped | many | apart)
     z_all, moved_mm = steps.of_all()
     t = int(np.abs(z_all).argmax())
     moved = abs(z_all[t]) > _SURE and abs(moved_mm[t]) > _MATTERS * sensor.length_mm
@@ -61,6 +68,10 @@ def changed(sensor: Sensor, runs: Runs, fit: ModelFit | None) -> str:
         if stepped[i] and (share[at[i], i] > _HALF or not many[i]):
             begin, by = runs.line[at[i] + 1, i], 100.0 * size[at[i], i]
             words.append(f"strip {name} reads otherwise from line {begin} on, by {by:+.2g} % of Vref")
+        elif not many[i]:
+            words.append(
+                f"strip {name} is off by {100.0 * off[i]:.2g} % of Vref, the others by {100.0 * np.median(off):.2g} %"
+            )
         else:
             rows = f"{len(lines)} of {usable[:, i].sum()} rows of strip {name}"
             some = ", ".join(map(str, lines[:_NAMED])) + (" ..." if len(lines) > _NAMED else "")
@@ -78,8 +89,8 @@ class _Steps:
     """Residuals of the linearised fit, all rows that count weighed alike, and steps in the order of the contacts."""
 
     def __init__(self, sensor: Sensor, runs: Runs, fit: ModelFit, counts: BoolArray) -> None:
-        sigma = np.array([fit.sigma[name] for name in runs.signatures])
-        self.here = here = Linear(sensor, runs, fit.constants, sigma, fit.pooled, fit.places)
+        self.sigma = np.array([fit.sigma[name] for name in runs.signatures])
+        self.here = here = Linear(sensor, runs, fit.constants, self.sigma, fit.pooled, fit.places)
         self.counts = counts
         predicted = predict(fit.constants, sensor, runs.l_mm, runs.w_mm)
         off = np.stack([np.where(counts, runs.raw[n] - predicted[n], 0.0) for n in runs.signatures])
@@ -117,6 +128,15 @@ class _Steps:
         surest, by = (np.take_along_axis(np.stack(v), best, axis=0)[0] for v in (z, size))
         squares = (self.off**2).sum(axis=(1, 2))
         return surest, by, (np.stack(z) ** 2).sum(axis=0) / np.maximum(squares, 1e-12)
+
+    def misfit(self) -> tuple[FloatArray, FloatArray]:
+        """Return how probable each strip's squares are beside the others', and what it is off by [Vref] (strips,)."""
+        squares = (self.off**2).sum(axis=(1, 2))
+        spanned = sum((q**2).sum(axis=(1, 2)) for q in (self.own, self.common))
+        free = np.maximum(len(self.sigma) * self.counts.sum(axis=0) - spanned, 1.0)
+        others = free.sum() - free
+        times = squares / free / ((squares.sum() - squares) / np.maximum(others, 1.0))
+        return fdtrc(free, np.maximum(others, 1.0), times), self.sigma.max() * np.sqrt(squares / free)
 
     def of_all(self) -> tuple[FloatArray, FloatArray]:
         """Return steps of all contacts' places (contacts - 1,): how many deviations, and how far [mm]."""
