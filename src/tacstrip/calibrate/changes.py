@@ -48,7 +48,8 @@ def changed(sensor: Sensor, runs: Runs, fit: ModelFit | None) -> str:
     z, size, share = steps.of_strips()
     at = np.abs(z).argmax(axis=0)  # (strips,)
     strip = np.arange(sensor.strips)
-    stepped = (np.abs(z[at, strip]) > _SURE) & (np.abs(size[at, strip]) > _MATTERS)
+    sure = _SURE * np.sqrt(max(fit.excess, 1.0))  # repeats share what the model leaves there
+    stepped = (np.abs(z[at, strip]) > sure) & (np.abs(size[at, strip]) > _MATTERS)
     unlikely, off = steps.misfit()
     apart = (unlikely < _UNLIKELY) & (off > _TIMES * np.median(off)) & (off > _MATTERS)
     found = np.flatnonzero(stepped | many | apart)
@@ -80,8 +81,8 @@ def changed(sensor: Sensor, runs: Runs, fit: ModelFit | None) -> str:
         return ""
     more = f"; and {len(found) - _NAMED} strips more" if len(found) > _NAMED else ""
     return (
-        f"{'; '.join(words)}{more}: has a joint come loose on the way, is the rubber cut, or were rows mixed up? "
-        "Look at the wires (`tacstrip doctor`) and at these rows, and press again"
+        f"{'; '.join(words)}{more}: has a joint come loose on the way, is the rubber cut or uneven, or were rows "
+        "mixed up? Look at the wires (`tacstrip doctor`) and at these rows, and press again"
     )
 
 

@@ -72,6 +72,8 @@ class ModelFit:
         Errors of the places; None where they are exact.
     pooled
         Spread of the parts in which strips are alike, by part.
+    excess
+        By how much variances exceed those of independent readings: repeats share what the model leaves.
     """
 
     constants: Constants
@@ -84,6 +86,7 @@ class ModelFit:
     covariance: FloatArray
     places: PlaceErrors | None = None
     pooled: dict[str, float] = field(default_factory=dict)
+    excess: float = 1.0
 
 
 def fit_model(
@@ -193,6 +196,7 @@ def _gauss_newton(
         together,
         places,
         pooled,
+        beyond[0],
     )
 
 
