@@ -8,7 +8,7 @@ finds (empirical Bayes), and so have errors of the places.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.linalg import cho_solve, solve_triangular
@@ -70,6 +70,10 @@ class ModelFit:
         Each strip's own parameters', then the shared ones' (strips, own and shared, own and shared).
     places
         Errors of the places; None where they are exact.
+    pooled
+        Spread of the parts in which strips are alike, by part.
+    excess
+        By how much variances exceed those of independent readings: repeats share what the model leaves.
     """
 
     constants: Constants
@@ -81,6 +85,8 @@ class ModelFit:
     residual: FloatArray
     covariance: FloatArray
     places: PlaceErrors | None = None
+    pooled: dict[str, float] = field(default_factory=dict)
+    excess: float = 1.0
 
 
 def fit_model(
@@ -155,7 +161,7 @@ def _gauss_newton(
     sigma = _robust_sigma(residual, weight)
     redundancy = np.ones_like(residual)
     for iteration in range(_MOST_ITERATIONS):
-        here = _Linear(sensor, runs, constants, sigma, pooled, places)
+        here = Linear(sensor, runs, constants, sigma, pooled, places)
         scaled = np.abs(here.whiten(residual - shift) / redundancy).max(axis=0)
         weight = np.where(usable, _robust_weight(scaled, iteration < huber), 0.0)
         system = here.eliminate(weight)
@@ -173,21 +179,31 @@ def _gauss_newton(
         )
         if moved < _CONVERGED and settled and iteration >= huber:
             break
-    here = _Linear(sensor, runs, constants, sigma, pooled, places)
+    here = Linear(sensor, runs, constants, sigma, pooled, places)
     system = here.eliminate(weight)
     beyond = _beyond_independent(here.whiten(residual - shift), system, weight > 0.0, place_numbers(runs))
     shared_sigma, own_sigma, together = _deviations(sensor, runs, here, sigma, weight, places, beyond)
     by_name = dict(zip(runs.signatures, sigma.tolist(), strict=True))
     evidence = _evidence(here, system, residual - shift, usable, errors)
     return ModelFit(
-        constants, shared_sigma, own_sigma, by_name, weight, evidence, residual - shift, together, places
+        constants,
+        shared_sigma,
+        own_sigma,
+        by_name,
+        weight,
+        evidence,
+        residual - shift,
+        together,
+        places,
+        pooled,
+        beyond[0],
     )
 
 
 def _deviations(
     sensor: Sensor,
     runs: Runs,
-    here: _Linear,
+    here: Linear,
     sigma: FloatArray,
     weight: FloatArray,
     places: PlaceErrors | None,
@@ -205,7 +221,7 @@ def _deviations(
     share, share_together = np.ones_like(variance), np.ones(together.shape[:2])
     if places is not None and places.stated:
         pooled = {part: _MORE * spread for part, spread in here.pooled.items()}
-        noisier = _Linear(sensor, runs, here.constants, _MORE * sigma, pooled, places)
+        noisier = Linear(sensor, runs, here.constants, _MORE * sigma, pooled, places)
         more, more_together = noisier.eliminate(counts).variances()
         share = _share(variance, more)
         share_together = _share(_diagonal(together), _diagonal(more_together))
@@ -289,7 +305,7 @@ def _robust_weight(scaled: FloatArray, huber: bool) -> FloatArray:
 
 
 def _sigma(
-    here: _Linear,
+    here: Linear,
     residual: FloatArray,
     redundancy: FloatArray,
     weight: FloatArray,
@@ -339,7 +355,7 @@ def jacobian_of_places(sensor: Sensor, constants: Constants, l: FloatArray, w: F
     return np.nan_to_num(np.stack([up - here, longer - here], axis=-1) / step)
 
 
-class _Linear:
+class Linear:
     """The model linearised at its constants, rows over their noise.
 
     Attributes
@@ -363,8 +379,8 @@ class _Linear:
         shape = runs.l_mm.shape
         noise = np.broadcast_to(np.diag(sigma**2), (*shape, len(sigma), len(sigma)))
         self.columns = np.zeros((len(sigma), *shape, 0))
+        self.by_place = by_place = jacobian_of_places(sensor, constants, runs.l_mm, runs.w_mm)
         if places is not None:
-            by_place = jacobian_of_places(sensor, constants, runs.l_mm, runs.w_mm)
             self.columns = places.columns(by_place)
             own = np.moveaxis(places.own(by_place), 0, 2)  # (contacts, strips, signatures, 2)
             noise = noise + own @ np.swapaxes(own, 2, 3)
@@ -401,7 +417,7 @@ class _Linear:
 class _Eliminated:
     """Weighted rows, strip by strip, after one QR of the own parameters' columns."""
 
-    def __init__(self, here: _Linear, weight: FloatArray) -> None:
+    def __init__(self, here: Linear, weight: FloatArray) -> None:
         self.here = here
         shared, errors = len(here.constants.shared), here.columns.shape[-1]
         self.shared, self.errors = shared, errors
@@ -454,7 +470,7 @@ class _Eliminated:
         own = np.linalg.pinv(self.r, rcond=1e-10) @ (along - self.t @ common[:, None])
         return shared, own[..., 0], errors
 
-    def redundancy(self, here: _Linear) -> FloatArray:
+    def redundancy(self, here: Linear) -> FloatArray:
         """Return what share of a reading's error its residual shows (signatures, contacts, strips): sqrt(1 - leverage).
 
         Where few rows determine many parameters, the fit follows each row, and a bare residual would hide its error.
@@ -520,14 +536,14 @@ class _Eliminated:
         return shared, found
 
 
-def _cost(here: _Linear, residual: FloatArray, constants: Constants, weight: FloatArray) -> float:
+def _cost(here: Linear, residual: FloatArray, constants: Constants, weight: FloatArray) -> float:
     squares = (weight * (here.whiten(residual) ** 2).sum(axis=0)).sum()
     own, shared, _ = here.prior_rows()
     return float(squares + ((constants.own @ own.T + shared @ constants.shared) ** 2).sum())
 
 
 def _evidence(
-    here: _Linear, system: _Eliminated, residual: FloatArray, usable: BoolArray, errors: FloatArray
+    here: Linear, system: _Eliminated, residual: FloatArray, usable: BoolArray, errors: FloatArray
 ) -> float:
     """Return the log probability of the readings by Laplace's method; rows that do not count as at Tukey's limit."""
     c = here.constants
@@ -550,7 +566,7 @@ def _line_search(
     residual: FloatArray,
     shift: FloatArray,
     step: tuple[FloatArray, FloatArray],
-    here: _Linear,
+    here: Linear,
     weight: FloatArray,
 ) -> tuple[Constants, FloatArray, float]:
     """Take the step, or the part of it that does not raise the cost.

@@ -51,6 +51,8 @@ class Goodness:
         Which constant has a value that no sound unit has, in words; "" where none.
     spoilt
         Which rows contradict the others, in words: another unit's, or too many; "" where none.
+    changed
+        Which strips read otherwise from some row on, or contradict themselves, in words; "" where none.
     """
 
     noise: float
@@ -59,6 +61,7 @@ class Goodness:
     strips: FloatArray
     implausible: str = ""
     spoilt: str = ""
+    changed: str = ""
 
     @property
     def beyond_noise(self) -> bool:

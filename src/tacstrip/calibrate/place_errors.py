@@ -96,8 +96,18 @@ def possible_errors(runs: Runs, length_mm: float) -> list[PlaceErrors]:
 
 
 def place_numbers(runs: Runs) -> IntArray:
-    """Return the number of each contact's place (contacts, strips), from 0."""
-    return _numbers(*(np.nan_to_num(v, nan=-1.0) for v in (runs.l_mm, runs.w_mm)))
+    """Return the number of each contact's place (contacts, strips), from 0.
+
+    Where the file has press after press, each on all strips, a press is at one place: a bar that lies slanted across
+    the strips is one bar, and what it is off by the strips share.
+    """
+    l, w = (np.nan_to_num(v, nan=-1.0) for v in (runs.l_mm, runs.w_mm))
+    there = np.isfinite(runs.l_mm).any(axis=0)
+    line = runs.line[:, there]
+    if np.isfinite(runs.l_mm[:, there]).all() and (line[:-1].max(axis=1) < line[1:].min(axis=1)).all():
+        number = np.unique(np.concatenate([l, w], axis=1), axis=0, return_inverse=True)[1]
+        return np.asarray(np.broadcast_to(number.reshape(-1, 1), l.shape))
+    return _numbers(l, w)
 
 
 def _both(l_group: IntArray, w_group: IntArray) -> IntArray:

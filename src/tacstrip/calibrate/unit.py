@@ -10,6 +10,7 @@ import numpy as np
 
 from tacstrip.arguments import takes
 from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.calibrate.changes import changed
 from tacstrip.calibrate.fit import ModelFit, jacobian, offsets_at_median, usable_rows
 from tacstrip.calibrate.goodness import Goodness, assess, assess_fit, spoilt
 from tacstrip.calibrate.interpretation import exchanged_strips, misread, reversed_order
@@ -160,7 +161,8 @@ class Calibrated:
     @property
     def status(self) -> str:
         """Whether these constants describe the unit, "ok", or not, "doubtful"; `advice` says why and what to do."""
-        return "doubtful" if self.goodness.doubt or self.goodness.poor_strips else "ok"
+        good = self.goodness
+        return "doubtful" if good.doubt or good.changed or good.poor_strips else "ok"
 
     @property
     def advice(self) -> str:
@@ -172,6 +174,8 @@ class Calibrated:
                 "rows, and the places in millimetres from the grounded end, and are vref_volt and adc_bits "
                 "right? The report draws each strip's readings"
             )
+        if good.changed:
+            return good.changed
         if good.poor_strips:
             names = ", ".join(str(i + self.uncalibrated.strip_base) for i in good.poor_strips)
             worst = 100.0 * float(good.strips[good.poor_strips].max())
@@ -343,7 +347,9 @@ def calibrate_unit(
         ),
         excluded=_excluded(runs, counted, after),
         trials=trials,
-        goodness=replace(assess(plain, done, runs, fit), spoilt=spoilt(runs, fit)),
+        goodness=replace(
+            assess(plain, done, runs, fit), spoilt=spoilt(runs, fit), changed=changed(plain, runs, fit)
+        ),
         accuracy_percent=np.nan
         if fit is None
         else accuracy_percent(plain, replace(done, converter=None), fit, others),

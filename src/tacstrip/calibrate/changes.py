@@ -1,0 +1,150 @@
+"""What changed while runs were made: a strip that reads otherwise from some press on, a ruler that slipped, drift.
+
+Score tests (Rao 1948): a step before each contact is one more parameter of the linearised fit, an offset of one strip
+or a shift of all contacts. All are read off the same factorisation, so a test costs as much as one step of a fit.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import fdtrc
+
+from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.calibrate.fit import Linear, ModelFit, usable_rows
+from tacstrip.calibrate.model import predict
+from tacstrip.io.runs import Runs
+from tacstrip.sensor.spec import Sensor
+
+_SURE = 5.5  # standard deviations of a step: over all places and strips, 1 in 10,000 sound runs by chance
+_MATTERS = 0.002  # of Vref, or of the length: a smaller step leaves less than calibrations are asked for
+_OWN, _FEWEST = 0.125, 2  # of a strip's rows, excluded where other strips' agree: no slip any more; rows
+_UNLIKELY, _TIMES = (
+    1e-5,
+    2.0,
+)  # probability of a strip's squares beside the others'; how many times as far off
+_HALF = 0.5  # of a press's strips; of a strip's squares, which a step explains
+_KNOWN = 1e-6  # of a step's square, what the fit's parameters leave of it
+_NAMED = 4  # strips and lines
+
+
+def changed(sensor: Sensor, runs: Runs, fit: ModelFit | None) -> str:
+    """Say which strips, or that all, do not agree with themselves over the runs; "" where they do.
+
+    Parameters
+    ----------
+    sensor, runs
+        What was fitted, the sensor without a calibration.
+    fit
+        None for mean offsets, which tell nothing.
+    """
+    if fit is None or len(runs.l_mm) < _FEWEST:
+        return ""
+    usable = usable_rows(runs)
+    out = usable & ~(fit.weight > 0.0)
+    own = out & ~(out.sum(axis=1) > _HALF * usable.sum(axis=1))[:, None]
+    many = own.sum(axis=0) >= np.maximum(_FEWEST, _OWN * usable.sum(axis=0))
+    counts = usable & (~out | (own & many))  # single slips stay out, and presses that no strip agrees with
+    steps = _Steps(sensor, runs, fit, counts)
+    z, size, share = steps.of_strips()
+    at = np.abs(z).argmax(axis=0)  # (strips,)
+    strip = np.arange(sensor.strips)
+    sure = _SURE * np.sqrt(max(fit.excess, 1.0))  # repeats share what the model leaves there
+    stepped = (np.abs(z[at, strip]) > sure) & (np.abs(size[at, strip]) > _MATTERS)
+    unlikely, off = steps.misfit()
+    apart = (unlikely < _UNLIKELY) & (off > _TIMES * np.median(off)) & (off > _MATTERS)
+    found = np.flatnonzero(stepped | many | apart)
+    z_all, moved_mm = steps.of_all()
+    t = int(np.abs(z_all).argmax())
+    moved = abs(z_all[t]) > _SURE and abs(moved_mm[t]) > _MATTERS * sensor.length_mm
+    if moved and not 0 < len(found) <= _HALF * sensor.strips:
+        first = runs.line[t + 1][runs.line[t + 1] > 0].min()
+        return (
+            f"from line {first} on all strips read as if contacts lay {moved_mm[t]:+.2g} mm from where "
+            "the runs say, against those before: has the ruler or its zero moved, is a bar of another width, or do "
+            "readings drift? Measure the places anew, let the device warm up, and press again"
+        )
+    words = []
+    for i in found[:_NAMED]:
+        name, lines = i + sensor.strip_base, runs.line[own[:, i], i]
+        if stepped[i] and (share[at[i], i] > _HALF or not many[i]):
+            begin, by = runs.line[at[i] + 1, i], 100.0 * size[at[i], i]
+            words.append(f"strip {name} reads otherwise from line {begin} on, by {by:+.2g} % of Vref")
+        elif not many[i]:
+            words.append(
+                f"strip {name} is off by {100.0 * off[i]:.2g} % of Vref, the others by {100.0 * np.median(off):.2g} %"
+            )
+        else:
+            rows = f"{len(lines)} of {usable[:, i].sum()} rows of strip {name}"
+            some = ", ".join(map(str, lines[:_NAMED])) + (" ..." if len(lines) > _NAMED else "")
+            words.append(f"{rows} contradict its others (lines {some})")
+    if not words:
+        return ""
+    more = f"; and {len(found) - _NAMED} strips more" if len(found) > _NAMED else ""
+    return (
+        f"{'; '.join(words)}{more}: has a joint come loose on the way, is the rubber cut or uneven, or were rows "
+        "mixed up? Look at the wires (`tacstrip doctor`) and at these rows, and press again"
+    )
+
+
+class _Steps:
+    """Residuals of the linearised fit, all rows that count weighed alike, and steps in the order of the contacts."""
+
+    def __init__(self, sensor: Sensor, runs: Runs, fit: ModelFit, counts: BoolArray) -> None:
+        self.sigma = np.array([fit.sigma[name] for name in runs.signatures])
+        self.here = here = Linear(sensor, runs, fit.constants, self.sigma, fit.pooled, fit.places)
+        self.counts = counts
+        predicted = predict(fit.constants, sensor, runs.l_mm, runs.w_mm)
+        off = np.stack([np.where(counts, runs.raw[n] - predicted[n], 0.0) for n in runs.signatures])
+        system = here.eliminate(counts.astype(float))
+        shared, own, errors = system.solve(here.whiten(off))
+        off = off - here.by[..., : len(shared)] @ shared - here.columns @ errors
+        off = off - np.einsum("scnp,np->scn", here.by[..., len(shared) :], own)
+        spans = system.leverages(off.shape).reshape(sensor.strips, len(off) * len(counts), -1)
+        self.own, self.common = np.split(spans, [system.q.shape[2]], axis=2)
+        self.off = self._rows(here.whiten(off)[..., None])
+        self.later = np.tri(len(counts))[:, None, 1:]  # (contacts, strips, from the second on)
+
+    def _rows(self, columns: FloatArray) -> FloatArray:
+        """Return columns (signatures, contacts, strips, n) as (strips, rows, n), 0 where rows do not count."""
+        columns = np.moveaxis(columns * self.counts[..., None], 2, 0)
+        return columns.reshape(len(columns), -1, columns.shape[3])
+
+    def of_strips(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return steps of a strip's offset where they are surest of all signatures, each (contacts - 1, strips).
+
+        How many deviations, how much over Vref, and which share of the strip's squares a step explains.
+        """
+        z, size = [], []
+        for which in range(self.here.white.shape[2]):
+            step = self._rows(np.moveaxis(self.here.white[..., which], 2, 0)[..., None] * self.later)
+            whole = (step**2).sum(axis=1)
+            left = whole - sum(
+                ((np.swapaxes(q, 1, 2) @ step) ** 2).sum(axis=1) for q in (self.own, self.common)
+            )
+            left = np.where(left > _KNOWN * whole, left, np.inf)
+            score = (step * self.off).sum(axis=1)
+            z.append((score / np.sqrt(left)).T)
+            size.append((score / left).T)
+        best = np.abs(z).argmax(axis=0)[None]
+        surest, by = (np.take_along_axis(np.stack(v), best, axis=0)[0] for v in (z, size))
+        squares = (self.off**2).sum(axis=(1, 2))
+        return surest, by, (np.stack(z) ** 2).sum(axis=0) / np.maximum(squares, 1e-12)
+
+    def misfit(self) -> tuple[FloatArray, FloatArray]:
+        """Return how probable each strip's squares are beside the others', and what it is off by [Vref] (strips,)."""
+        squares = (self.off**2).sum(axis=(1, 2))
+        spanned = sum((q**2).sum(axis=(1, 2)) for q in (self.own, self.common))
+        free = np.maximum(len(self.sigma) * self.counts.sum(axis=0) - spanned, 1.0)
+        others = free.sum() - free
+        times = squares / free / ((squares.sum() - squares) / np.maximum(others, 1.0))
+        return fdtrc(free, np.maximum(others, 1.0), times), self.sigma.max() * np.sqrt(squares / free)
+
+    def of_all(self) -> tuple[FloatArray, FloatArray]:
+        """Return steps of all contacts' places (contacts - 1,): how many deviations, and how far [mm]."""
+        step = self._rows(self.here.whiten(self.here.by_place[..., 0])[..., None] * self.later)
+        whole = (step**2).sum(axis=(0, 1))
+        left = whole - ((np.swapaxes(self.own, 1, 2) @ step) ** 2).sum(axis=(0, 1))
+        left = left - (np.einsum("srk,srn->kn", self.common, step) ** 2).sum(axis=0)
+        left = np.where(left > _KNOWN * whole, left, np.inf)
+        score = (step * self.off).sum(axis=(0, 1))
+        return score / np.sqrt(left), score / left

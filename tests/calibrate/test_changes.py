@@ -1,0 +1,81 @@
+"""Runs on the way of which something changed: a strip, the ruler, the readings' level."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import tacstrip as ts
+from tacstrip.calibrate.place_errors import place_numbers
+
+STRIPS, LENGTH = 6, 200.0
+SENSOR = ts.Sensor(construction="crs-m", strips=STRIPS, pitch_mm=6.0, length_mm=LENGTH)
+
+
+def runs(seed: int) -> ts.Runs:
+    """Return points and bars of 30 mm pressed twice, in the order of a person who begins at ground; line 2 on."""
+    random = np.random.default_rng(seed)
+    l, w = np.meshgrid(np.linspace(15.0, 145.0, 6), [0.0, 30.0])
+    l, w = (np.repeat(np.repeat(v.ravel(), 2)[:, None], STRIPS, axis=1) for v in (l, w))
+    moved = l + random.uniform(-0.1, 0.1, (len(l), 1))
+    k = ts.signatures(SENSOR, moved, moved + w)["k"]
+    k = k + random.uniform(-0.03, 0.03, STRIPS) + random.uniform(-0.002, 0.002, l.shape)
+    return ts.Runs(l, w, {"k": k}, line=np.arange(2, 2 + l.size).reshape(l.shape), rest={})
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_sound_runs_are_not_doubted(seed: int) -> None:
+    result = ts.calibrate_unit(SENSOR, runs(seed))
+    assert result.status == "ok"
+    assert not result.goodness.changed
+
+
+def test_a_strip_that_reads_otherwise_from_some_row_on_is_named_with_the_row() -> None:
+    """Before, the rows of the smaller half were excluded, and the calibration was of no unit."""
+    sound = runs(4)
+    k = sound.raw["k"].copy()
+    k[15:, 2] -= 0.02
+    result = ts.calibrate_unit(SENSOR, replace(sound, raw={"k": k}))
+    assert result.status == "doubtful"
+    assert result.advice.startswith(f"strip 2 reads otherwise from line {sound.line[15, 2]} on, by -2 %")
+
+
+def test_a_strip_whose_rows_contradict_each_other_is_named_with_them() -> None:
+    sound = runs(5)
+    k = sound.raw["k"].copy()
+    k[[3, 8, 13, 18], 4] += [0.03, -0.05, 0.04, -0.03]
+    result = ts.calibrate_unit(SENSOR, replace(sound, raw={"k": k}))
+    assert result.status == "doubtful"
+    assert result.advice.startswith(
+        f"4 of 24 rows of strip 4 contradict its others (lines {sound.line[3, 4]}, "
+    )
+
+
+def test_one_slip_on_a_strip_is_left_out_and_doubts_nothing() -> None:
+    sound = runs(6)
+    k = sound.raw["k"].copy()
+    k[7, 1] += 0.1
+    result = ts.calibrate_unit(SENSOR, replace(sound, raw={"k": k}))
+    assert result.status == "ok"
+    assert [(row.line, row.strip) for row in result.excluded] == [(sound.line[7, 1], 1)]
+
+
+def test_a_ruler_that_slips_on_the_way_is_told_with_row_and_distance() -> None:
+    sound = runs(7)
+    said = sound.l_mm.copy()
+    said[8:] -= 1.5
+    result = ts.calibrate_unit(SENSOR, replace(sound, l_mm=said))
+    assert result.status == "doubtful"
+    assert f"from line {sound.line[8].min()} on all strips read as if contacts lay +1." in result.advice
+
+
+def test_strips_share_what_a_slanted_bar_is_off_by() -> None:
+    """Taken strip by strip, it told an offset as surely as a bar for each strip."""
+    straight = runs(8)
+    l = straight.l_mm.copy()
+    l[5] = np.linspace(30.0, 170.0, STRIPS)
+    number = place_numbers(replace(straight, l_mm=l))
+    assert (number == number[:, :1]).all()
+    assert number[5, 0] not in np.delete(number[:, 0], 5)
