@@ -136,7 +136,8 @@ class _Steps:
         spanned = sum((q**2).sum(axis=(1, 2)) for q in (self.own, self.common))
         free = np.maximum(len(self.sigma) * self.counts.sum(axis=0) - spanned, 1.0)
         others = free.sum() - free
-        times = squares / free / ((squares.sum() - squares) / np.maximum(others, 1.0))
+        rest = (squares.sum() - squares) / np.maximum(others, 1.0)
+        times = np.divide(squares / free, rest, out=np.where(squares > 0.0, np.inf, 0.0), where=rest > 1e-30)
         return fdtrc(free, np.maximum(others, 1.0), times), self.sigma.max() * np.sqrt(squares / free)
 
     def of_all(self) -> tuple[FloatArray, FloatArray]:
