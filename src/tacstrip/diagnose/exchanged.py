@@ -28,6 +28,7 @@ _ODDS = (
     5.0  # logarithm of the odds of the two offsets that a strip would have, with its wires exchanged and not
 )
 _PERHAPS, _SURELY = 3.0, 5.0  # deviations of a unit's offsets, for a question and for a finding
+_USUAL = 2.0  # deviations of an offset that a strip may have
 _BEYOND = 2.0  # times the deviation, of a prediction that is extrapolated
 _STRIPS, _SURE = 4, 5.0  # on so many strips offsets differ; standard errors of their mean
 _SHARE = 0.8  # of the places with a clear difference
@@ -151,6 +152,7 @@ def _sign_reversed(
     as_is, exchanged = mean - level, mean + level  # the offset that the strip has
     weighed = (as_is**2 - exchanged**2) / (2.0 * spread**2) > _ODDS
     weighed &= -2.0 * mean > least and as_is < -least
+    weighed &= abs(exchanged) < _USUAL * spread  # else neither explains what is read
     if len(predicted) < _FEW or grows < 3.0 * sigma or not np.ptp(difference):
         return weighed if below else None
     along = float(np.corrcoef(predicted, difference)[0, 1])

@@ -265,8 +265,11 @@ def _gaps(work: WorkingCopy) -> BoolArray:
 
 
 def _alone(there: BoolArray) -> BoolArray:
-    """Return where both neighbours of a strip are untouched (scans, strips)."""
-    padded = np.pad(there, ((0, 0), (1, 1)))
+    """Return where both neighbours of a strip are untouched (scans, strips).
+
+    Nowhere at the edge: a contact that hangs over it touches the outermost strip by itself.
+    """
+    padded = np.pad(there, ((0, 0), (1, 1)), constant_values=True)
     return np.asarray(~padded[:, :-2] & ~padded[:, 2:])
 
 

@@ -97,8 +97,10 @@ def excess_noise(noise: NoiseEstimate) -> Iterator[Finding]:
     """Find strips much noisier than the others, or a sensor noisier than profile II of the thesis."""
     others = np.sort(noise.least[np.isfinite(noise.least)])[:-_LOUD]
     next_loud = _ALONE * float(others.max(initial=0.0))
-    times = np.where(noise.white, _NOISIER_WHITE, _NOISIER)
-    floor = np.where(noise.white, _LEAST_WHITE, PROFILE_I / math.sqrt(3.0))
+    white = noise.white.copy()
+    white[[0, -1]] &= noise.steady  # a contact whose rim hurries over the last strip moves it alone
+    times = np.where(white, _NOISIER_WHITE, _NOISIER)
+    floor = np.where(white, _LEAST_WHITE, PROFILE_I / math.sqrt(3.0))
     limit = np.maximum(np.maximum(times * noise.sigma, next_loud), floor)
     if not noise.steady and len(others) < _QUIETER:
         limit[:] = np.inf
