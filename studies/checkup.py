@@ -179,7 +179,10 @@ def faulty(seed: int, many: int = 1, scans: int = 600, faults: Sequence[str] = (
 
 def _possible(fault: str, sensor: Sensor) -> bool:
     """Whether a sensor can have a fault: strips over metal are read through one sheet, without wires of their own."""
-    return fault not in ("open-sensing", "swapped-wires", "dead", "stuck") or len(sensor.signatures) == 2
+    return (
+        fault not in ("open-sensing", "swapped-wires", "tied-wires", "dead", "stuck")
+        or len(sensor.signatures) == 2
+    )
 
 
 def defect(fault: str, strip: int, sensor: Sensor, random: np.random.Generator) -> Defect:

@@ -167,6 +167,8 @@ def _wired(k: dict[str, FloatArray], defect: Defect, time_s: FloatArray) -> None
     if defect.fault == "swapped-ends":
         for values in k.values():
             values[:, i] = 1.0 - values[:, i]
+    if defect.fault == "tied-wires":
+        k["kh"][:, i] = k["kl"][:, i] = 0.5 * (k["kh"][:, i] + k["kl"][:, i])
 
 
 def _wandering(k: dict[str, FloatArray], defect: Defect, time_s: FloatArray) -> None:
