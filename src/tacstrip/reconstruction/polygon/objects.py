@@ -335,7 +335,7 @@ def _verdict(
         why = "" if effort == "none" else "how sure this is was not assessed: the compiled core is missing"
         return ("doubtful" if weak else "likely"), [weak, why]
     if assessed.confidence >= enough:
-        return ("likely" if effort == "fast" and second else "ok"), [weak]
+        return ("likely" if effort == "fast" and second else "ok"), [weak, _CONVEX if second else ""]
     more = ", ".join(filter(None, (second, averaging))) if second else f"{averaging}, or use finer strips"
     others = "others explain the readings too" + (
         "" if assessed.alternatives else ", though none of them is likely"
@@ -351,6 +351,7 @@ def _verdict(
     return "doubtful", [sure, weak]
 
 
+_CONVEX = "taken for convex: one signature does not tell a notch or a gap"
 _FEW = (
     f'; "ok" promises more, and from fewer than {ENOUGH_STRIPS} strips with one signature even outlines as sure as '
     "that are wrong in 1 of 10"
