@@ -12,10 +12,9 @@ Polygon = NDArray[np.float64]
 # What one signature's outline is at best, and why: without the core nothing is drawn that tells how sure it is.
 DRAWN = exported("sample_outlines") is not None
 SURE, WHY = (
-    ("ok", "taken for convex: one signature does not tell a notch or a gap")
-    if DRAWN
-    else ("likely", "how sure this is was not assessed: the compiled core is missing")
+    ("ok", "") if DRAWN else ("likely", "how sure this is was not assessed: the compiled core is missing")
 )
+CONVEX = WHY or "taken for convex: one signature does not tell a notch or a gap"
 many_fits = pytest.mark.skipif(
     not DRAWN, reason="so many fits take NumPy minutes; tests/core holds it to the same results"
 )

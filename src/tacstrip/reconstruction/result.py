@@ -108,7 +108,7 @@ class RecoveredObject(Drawn):
         "ok"; "likely": as far as a quick look tells; "doubtful": a shape is given but may be wrong; else what stood in
         the way.
     advice
-        In words, what to do about it; empty when all is well.
+        In words, what to do about it, or what is taken for granted; empty when nothing is.
     strip_status
         CRS-CRP: a word per strip in contact, "ok", "short contact" or "not converged"; else empty.
     points, point_deviations
