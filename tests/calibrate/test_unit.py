@@ -563,15 +563,14 @@ def test_ranges_hold_where_places_are_off_and_nobody_said_so() -> None:
     made = plan(sensor, 0.2, ts.Noise(positional=0.002))
     places = np.array([(l, w) for l, w, times in made.contacts for _ in range(times)])
     rng, off = np.random.default_rng(3), []
-    for _ in range(40):
+    for _ in range(60):
         errors = rng.uniform(-0.1, 0.1, places.shape) * (places > 0.0)
         l, w = (np.repeat(v[:, None], 7, axis=1) for v in (places + errors).T)
         raw = ts.signatures(truth, l, l + w)["k"] + rng.uniform(-0.0012, 0.0012, l.shape)
-        runs = runs_of(sensor, [tuple(p) for p in places], {"k": raw})
-        done = ts.calibrate_unit(sensor, runs, model="offset+gain+lambda")
+        done = ts.calibrate_unit(sensor, runs_of(sensor, [tuple(p) for p in places], {"k": raw}))
         (found,) = (p for p in done.parameters if p.name == "contact lambda")
         off.append((found.value - 1.2) / found.sigma)
-    assert np.mean(np.abs(off) < 2.0) > 0.86  # 0.82 by the likeliest errors of places alone
+    assert np.mean(np.abs(off) < 2.0) >= 0.9  # 0.82 by the likeliest errors of places alone
 
 
 def test_more_noise_needs_more_contacts_and_too_much_is_said() -> None:
