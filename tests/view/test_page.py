@@ -157,6 +157,8 @@ def test_settings_pause_theme_and_recording(
     page = open_page(viewport={"width": 1280, "height": 860})
     page.locator("#record").click()
     wait_until(lambda: "scans" in page.locator("#record-text").inner_text())
+    some = server.controller.live.frames + 20
+    wait_until(lambda: server.controller.live.frames > some)
     page.locator("#record").click()
     wait_until(lambda: page.locator("#record-text").inner_text() == "Record")
     (file,) = tmp_path.glob("*.mcap")
