@@ -94,23 +94,21 @@ def _take_away(
             kept[name][under] = np.clip(k, 0.0, 1.0)
             changes.append(kept[name][under] - before[i].reading(name)[under])
         lines[i] = replace(lines[i], **kept)
-    return float(np.sqrt(np.nanmean(np.concatenate(changes) ** 2)))
+    squares = np.concatenate(changes) ** 2
+    return float(np.sqrt(np.nanmean(squares))) if np.isfinite(squares).any() else np.inf
 
 
 def _judged(one: Track, settled: bool, scans: Sequence[Scan], sensor: Sensor, noise: Noise | None) -> Track:
     """Return a track with the strips' width in its status; single scans are read as they were."""
     width = sensor.strip_width
     runs = {i: _run(one, i, scans[i], sensor) for i in np.flatnonzero(one.present).tolist()}
+    runs = {i: run for i, run in runs.items() if run.stop}
     alone = SingleScans(scans, runs, sensor, noise)
     if settled and one.status in ("ok", "likely"):
         advice = "; ".join(filter(None, [one.advice, _TAKEN.format(width=width)]))
         return replace(one, status="likely", advice=advice)
-    told = one.status != "ok" and one.status != "likely"
-    advice = (
-        one.advice
-        if settled
-        else "; ".join(filter(None, [one.advice * told, _NOT_TAKEN.format(width=width)]))
-    )
+    open_ = "" if settled else _NOT_TAKEN.format(width=width)
+    advice = "; ".join(filter(None, [one.advice, open_]))
     return replace(
         one, status="doubtful", advice=advice, by_scan=alone if not settled or one.by_scan else None
     )
