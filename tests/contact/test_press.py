@@ -160,6 +160,34 @@ def test_meshes_that_are_not_as_they_should_be() -> None:
         pressed(good, "ft")
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("vertex 6.0", "vertex 1e999", "corners that are not finite numbers"),
+        ("vertex 6.0", "vertex nan", "corners that are not finite numbers"),
+    ],
+)
+def test_corners_that_are_no_numbers_are_not_passed_over(
+    old: str, new: str, said: str, tmp_path: Path
+) -> None:
+    text = trimesh.creation.box((12, 6, 8)).export(file_type="stl_ascii")
+    assert old in text
+    (tmp_path / "box.stl").write_text(text.replace(old, new, 1))
+    with pytest.raises(ContactError, match=said):
+        ts.Solid.from_mesh(tmp_path / "box.stl")
+
+
+def test_triangles_that_are_wound_in_different_ways_are_mended_or_named(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    box = trimesh.creation.box((12, 6, 8))
+    box.faces[0] = box.faces[0][::-1]
+    missing = trimesh.exceptions.ExceptionWrapper(ImportError("networkx"))
+    monkeypatch.setattr(trimesh.repair, "nx", missing)
+    with pytest.raises(ContactError, match="wound in different ways; repair it"):
+        ts.Solid.from_mesh(box)
+
+
 def test_normals_that_cannot_be_read_are_not_needed_and_cost_no_traceback(
     tmp_path: Path,
 ) -> None:

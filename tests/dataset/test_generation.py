@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import re
 import shutil
@@ -192,6 +193,7 @@ def test_another_data_set_is_not_written_over(study: DataSet, tmp_path: Path) ->
     [
         ('name = "few"', "colour = 3", "unknown key 'colour'"),
         ("n = 95", "n = 95.5", r"\[shapes\]: n = 95.5: must be a whole number"),
+        ("n = 95", "n = 95.0", r"\[shapes\]: n = 95.0: must be a whole number"),
         ("[shapes]", "[shape]", "unknown key 'shape'"),
         ("corners = [3, 5]", "size_mm = 400", r"\[shapes\]: size_mm up to 400: the sensor"),
         ("positional = 0.005", "positional = 5", "a fraction of Vref"),
@@ -208,6 +210,17 @@ def test_what_a_study_cannot_ask_for_is_named(old: str, new: str, words: str, tm
     with pytest.raises(SpecError, match=words) as found:
         DataSet.load(tmp_path / "study.toml")
     assert "study.toml" in str(found.value)
+
+
+def test_more_than_the_disk_takes_is_refused_before_anything_is_written(
+    study: DataSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    usage = shutil.disk_usage(tmp_path)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=100))
+    with pytest.raises(OSError, match="95 scans take .* GB or more, and 1e-07 GB are free") as found:
+        generate(study, tmp_path / "set")
+    assert found.value.errno == errno.ENOSPC
+    assert not (tmp_path / "set").exists()
 
 
 def test_the_verb_writes_and_says_what(tmp_path: Path) -> None:

@@ -103,6 +103,16 @@ def test_a_pitch_that_cannot_be_is_a_designs_problem(tmp_path: Path, pitch_mm: A
         changed(base, {"sensor.width_mm": 100.0, "sensor.pitch_mm": pitch_mm})
 
 
+def test_a_number_that_no_column_of_whole_numbers_holds_is_a_designs_problem(tmp_path: Path) -> None:
+    huge = "pitch_mm = [99999999999999999999, 5.0]"
+    study = _study(tmp_path, STUDY.replace("pitch_mm = [2.5, 5.0]", huge))
+    sweep(study, tmp_path / "out", workers=1)
+    done = collect(study, tmp_path / "out")
+    assert done is not None
+    problems = [bool(problem) for problem in done["problem"]]
+    assert problems == [pitch > 1e3 for pitch in done["sensor.pitch_mm"]]
+
+
 def test_measures_are_what_they_say(tmp_path: Path) -> None:
     """Of ten presses at little noise: the fit is as good as the bound, and counts corners right."""
     base = _study(tmp_path).base

@@ -89,6 +89,7 @@ def test_a_recording_brings_its_sensor(folder: Path, contacts: list[ts.Contact])
         ("scan,time_s,strip,v_h,v_l\n0,0,1,1,1\n0,0,1,1,1\n", "strip 1 of scan 0 is already on line 2"),
         ("scan,time_s,strip,v_out\n0,0,1,1\n", "does not belong to a crs-crs sensor"),
         ("scan,time_s,strip,v_h\n0,0,1,abc\n", "line 2: v_h is 'abc', not a number"),
+        ("scan,time_s,strip,v_h\n0,0,1,1e308\n", "line 2: v_h = 1e308 V is no voltage"),
         ("scan,time_s,strip,v_h\n", "a header but no readings"),
         ("scan,time_s,strip,v_h\n" + "".join(f"0,0,{i},\n" for i in range(1, 11)), "no reading in any scan"),
     ],

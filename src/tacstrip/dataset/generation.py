@@ -7,6 +7,7 @@ parts that are missing; nothing that is written depends on when or in which orde
 
 from __future__ import annotations
 
+import errno
 import json
 import shutil
 import threading
@@ -34,6 +35,7 @@ KEYS = ("name", "seed", "licence", "sensor", "shapes", "noise", "dataset")
 FORMATS = ("parquet", "zarr")
 SPLITS = ("train", "validation", "test")
 _OF_DATASET = ("formats", "split", "dtype", "part_scans", "model")
+_COMPRESSED = 10  # times: hardly any data set takes less of the disk than this part of the memory
 _PART_BYTES = 2**25  # of readings and labels together, where the study gives no number of scans
 # Scans of a part at most where strips of some width are resolved one by one, up to seconds each.
 _RESOLVED = 1000
@@ -107,9 +109,8 @@ class DataSet:
                 raise OptionError(one_of("dtype", dtype, ("float32", "float64")))
             if model not in (None, "closed", "network"):
                 raise OptionError(one_of("model", model, ("closed", "network")))
-            row = (5 + len(sensor.signatures)) * sensor.strips * (4 if dtype == "float32" else 8)
             most = _RESOLVED if resolved(sensor, model) else _PART_BYTES
-            part = given.get("part_scans", max(min(_PART_BYTES // row, most), 1))
+            part = given.get("part_scans", max(min(_PART_BYTES // _scan_bytes(sensor, dtype), most), 1))
             if not isinstance(part, int) or isinstance(part, bool) or part < 1:
                 raise OptionError(f"part_scans = {part!r}: must be a whole number, 1 or more")
         licence = study.text("licence", "CC-BY-4.0")
@@ -205,10 +206,13 @@ def generate(
     ------
     OptionError
         The folder holds something else, or pyarrow or zarr is not installed.
+    OSError
+        The disk has not the room.
     """
     for name in data.formats:
         optional({"parquet": "pyarrow.parquet", "zarr": "zarr"}[name])
     card = {"fingerprint": fingerprint(data.content), **data.content, "scans": data.counts}
+    _check_room(data, out)
     if not _begin(out, card):
         return False
     work = out / _WORK
@@ -323,6 +327,24 @@ def _begin(out: Path, card: dict[str, Any]) -> bool:
         for left in (out / split).glob(".tacstrip-*.part"):  # of a run that was killed
             left.unlink()
     return True
+
+
+def _scan_bytes(sensor: Sensor, dtype: str) -> int:
+    """Return how many bytes a scan with its labels takes in memory."""
+    return (5 + len(sensor.signatures)) * sensor.strips * (4 if dtype == "float32" else 8)
+
+
+def _check_room(data: DataSet, out: Path) -> None:
+    """Refuse what will not fit on the disk, however well it is compressed: `OSError`."""
+    bytes_each = _scan_bytes(data.sensor, data.dtype) * len(data.formats) / _COMPRESSED
+    least = bytes_each * (data.shapes.n - parts_there(data, out) * data.part_scans)
+    free = shutil.disk_usage(next(p for p in (out, *out.absolute().parents) if p.exists())).free
+    if least > free:
+        raise OSError(
+            errno.ENOSPC,
+            f"{data.shapes.n} scans take {least / 1e9:.3g} GB or more, and {free / 1e9:.3g} GB are free",
+            str(out),
+        )
 
 
 def _columns(scans: Scans) -> dict[str, npt.NDArray[Any]]:

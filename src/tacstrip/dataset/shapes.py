@@ -203,7 +203,7 @@ class Shapes:
         return pair[0], pair[1]
 
     def _whole(self, name: str, value: Any, least: int, most: int) -> None:
-        if not _number(value) or int(value) != value or not least <= value <= most:
+        if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= most:
             limit = f"{least} to {most}" if most < 2**31 else f"{least} or more"
             raise OptionError(f"{name} = {value!r}: must be a whole number, {limit}")
 

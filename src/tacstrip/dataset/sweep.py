@@ -385,7 +385,10 @@ def _write(study: Sweep, batch: Batch, rows: Sequence[Row], file: Path) -> None:
     table = []
     for i, row in enumerate(rows):
         own = study.design(batch.first + i)
-        own |= {k: v if isinstance(v, str) else json.dumps(v) for k, v in own.items() if k in texts}
+        own = {
+            k: float(v) if k not in texts else v if isinstance(v, str) else json.dumps(v)
+            for k, v in own.items()
+        }
         table.append({"design": batch.first + i, **own, **row})
     file.parent.mkdir(parents=True, exist_ok=True)
     with replacing(file) as new:

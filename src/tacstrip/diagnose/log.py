@@ -20,6 +20,7 @@ from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.codes import top_code
 from tacstrip.stream.source import RawScan
 
+_NO_VOLTAGE = 1e6  # times Vref: what no fault and no wrong unit makes of a reading
 _STRETCH, _STRETCHES = 2048, 16  # scans of a stretch, and how many stretches are kept of a long recording
 
 
@@ -193,7 +194,12 @@ def _log(header: list[str], rows: Iterator[Row], sensor: Sensor) -> Log:
 
 def _any_voltage(text: str, line: int, column: Column) -> float:
     """Return a field over Vref, in range or not; NaN where it is empty."""
-    return finite(text, line, column.name) * column.scale if text else float("nan")
+    found = finite(text, line, column.name) * column.scale if text else float("nan")
+    if abs(found) > _NO_VOLTAGE:
+        raise ReadingError(
+            f"line {line}: {column.name} = {text}{column.unit} is no voltage; mend or empty it"
+        )
+    return found
 
 
 def _spread(scans: Iterable[RawScan]) -> list[RawScan]:

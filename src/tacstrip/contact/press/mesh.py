@@ -59,7 +59,7 @@ class Mesh:
             try:
                 with warnings.catch_warnings():
                     warnings.simplefilter("ignore")
-                    found = trimesh.load(path, force="mesh")
+                    found = trimesh.load(path, force="mesh", process=False)
             except Exception as error:  # each format's reader has errors of its own
                 raise ContactError(f"{path}: cannot be read as a mesh (.stl, .obj, .ply): {error}") from None
         else:
@@ -68,6 +68,7 @@ class Mesh:
             raise ContactError(f"{name}: holds no triangles; give a mesh (.stl, .obj, .ply)")
         if not np.isfinite(found.vertices).all():
             raise ContactError(f"{name}: has corners that are not finite numbers")
+        found.process()
         found.apply_scale(_UNITS_MM[unit])
         size = float(np.ptp(found.bounds, axis=0).max())
         if not _SMALLEST_MM <= size <= _LARGEST_MM:
@@ -78,7 +79,13 @@ class Mesh:
             )
         found.merge_vertices()
         if found.is_watertight:
-            found.fix_normals()  # a mesh may be inside out
+            try:
+                found.fix_normals()  # a mesh may be inside out
+            except ImportError:
+                raise ContactError(
+                    f"{name}: its triangles are wound in different ways; repair it where it was made, "
+                    "or pip install networkx, by which it is repaired here"
+                ) from None
         return cls(found, name)
 
     @cached_property
