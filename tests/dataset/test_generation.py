@@ -217,7 +217,7 @@ def test_more_than_the_disk_takes_is_refused_before_anything_is_written(
 ) -> None:
     usage = shutil.disk_usage(tmp_path)
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=100))
-    with pytest.raises(OSError, match="95 scans take .* GB or more, and 1e-07 GB are free") as found:
+    with pytest.raises(OSError, match=r"95 scans take \S+ GB or more, and 1e-07 GB are free") as found:
         generate(study, tmp_path / "set")
     assert found.value.errno == errno.ENOSPC
     assert not (tmp_path / "set").exists()
