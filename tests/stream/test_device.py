@@ -126,7 +126,12 @@ def test_without_a_spec_the_shipped_one_is_taken() -> None:
     shipped = replace(ts.Sensor.load("prototype-crs-crs"), adc_bits=10)
     contact = ts.Contact.polygon([(10, 100), (50, 90), (40, 200)])
     made = device(shipped, contact=lambda t: contact)
-    assert ts.SerialSource(lambda: Loopback(made)).sensor == shipped
+    said: list[str] = []
+    source = ts.SerialSource(lambda: Loopback(made), on_message=said.append)
+    assert source.sensor == shipped
+    next(iter(source))
+    source.close()
+    assert said[0].startswith("no spec was given, and the device does not tell its lengths: 6.5 mm of pitch and 325")
     with pytest.raises(
         ts.PortError, match=r"crs-crs sensor of 20 strips, and no shipped spec .* `tacstrip init"
     ):

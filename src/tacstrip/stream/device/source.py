@@ -77,7 +77,8 @@ class SerialSource:
     open_port
         Opens the line: called at once, and again after the device was unplugged.
     sensor
-        Its spec, of one layer or two; None: the shipped spec of the same construction and number of strips.
+        Its spec, of one layer or two; None: the shipped spec of the same construction and number of strips,
+        whose lengths may not be the device's, which is said.
     rate_hz
         Scan rate to request [Hz]; None: the device's own, 0: as fast as possible.
     on_message
@@ -138,6 +139,7 @@ class SerialSource:
         self.hello = self._connect()
         own = sensor_of(self.hello, sensor)
         self.sensor, self._wanted = cast(Sensor, own), unit_of(own)  # of two layers what takes one refuses it
+        self._assumed = sensor is None
         self.names = self.hello.signatures
         self.origin_ns, self._host = time.time_ns(), HostClock()
         self._period_s = max(self._wanted_period_us, self.hello.cycle_us) * 1e-6
@@ -177,6 +179,13 @@ class SerialSource:
         return Counts(*(a + b for a, b in zip(self._previous_counts, self._decoder.counts, strict=True)))
 
     def __iter__(self) -> Iterator[RawScan]:
+        if self._assumed:
+            unit = unit_of(self.sensor)
+            self.on_message(
+                f"no spec was given, and the device does not tell its lengths: {unit.pitch_mm:g} mm of pitch and "
+                f"{unit.length_mm:g} mm of length are those of a shipped spec with as many strips. Millimetres and "
+                "shapes are wrong if yours has others: name your spec with --sensor (in Python sensor=)"
+            )
         while not self._closed:
             try:
                 yield from self._scans()
