@@ -131,7 +131,9 @@ def test_without_a_spec_the_shipped_one_is_taken() -> None:
     assert source.sensor == shipped
     next(iter(source))
     source.close()
-    assert said[0].startswith("no spec was given, and the device does not tell its lengths: 6.5 mm of pitch and 325")
+    assert said[0].startswith(
+        "no spec was given, and the device does not tell its lengths: 6.5 mm of pitch and 325"
+    )
     with pytest.raises(
         ts.PortError, match=r"crs-crs sensor of 20 strips, and no shipped spec .* `tacstrip init"
     ):
