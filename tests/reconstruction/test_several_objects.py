@@ -89,6 +89,18 @@ def test_a_reading_left_out_that_moves_one_end_alone_may_be_a_second_object_s() 
     assert found.status == "doubtful", found
 
 
+@pytest.mark.parametrize("strip", [3, 4, 6])
+def test_a_stem_on_one_strip_is_not_taken_for_two_faulty_channels(strip: int) -> None:
+    sensor = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=8.0, length_mm=90.0)
+    middle = 8.0 * strip + 4.0
+    cross = Polygon([(12, 25), (68, 25), (68, 45), (12, 45)]).union(
+        Polygon([(middle - 3.6, 12), (middle + 3.6, 12), (middle + 3.6, 68), (middle - 3.6, 68)])
+    )
+    found = _fitted(cross, sensor=sensor)
+    assert found.status == "doubtful"
+    assert "may be of a second object, or of an overhang" in found.advice
+
+
 def test_a_stuck_channel_is_still_left_out() -> None:
     truth = [(20.0, 30.0), (80.0, 20.0), (85.0, 60.0), (30.0, 75.0)]
     scan = ts.simulate(SENSOR, ts.Contact.polygon(truth), NOISE, rng=2)

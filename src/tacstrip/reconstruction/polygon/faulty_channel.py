@@ -33,8 +33,8 @@ _ALONE = 3.0  # times larger, at least, the deviation without any other channel
 def one_end_off(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray]) -> bool:
     """Whether readings were left out of a strip where one end of the contact, and no more, would lie elsewhere.
 
-    Or the same channel of two neighbours. Amid strips that agree no object touches a single strip; where few readings
-    are left to check, nothing tells. (At the sensor's border a fault that leaves a reading off ground and Vref does so
+    Or the same channel of two neighbours, or both of one strip. Amid strips that agree hardly any object moves one
+    reading of a single strip; where few readings are left to check, nothing tells. (At the sensor's border a fault that leaves a reading off ground and Vref does so
     too, which is rare.)
     """
     if not np.count_nonzero(run.excluded):
@@ -54,7 +54,9 @@ def one_end_off(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray])
     two = (side[:, 1:] & side[:, :-1]).any(axis=0)
     one |= np.append(two, False) | np.append(False, two)
     beside = np.pad(left_out & one, 1)
+    # Two channels of one strip are seldom faulty at once: what moves both of its readings is a stem or a spike.
     one[_OUTER:-_OUTER] &= (beside[:-2] | beside[2:])[_OUTER:-_OUTER]
+    one |= run.excluded.all(axis=0)
     if sensor.strip_width_mm and (run.excluded & ~railed)[:, [0, -1]].any():
         return True  # a wide strip at the rim may be covered by a sliver of the contact, which the others do not tell
     return bool((left_out & (one | (not run.checked))).any())
