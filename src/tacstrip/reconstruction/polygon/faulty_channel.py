@@ -34,8 +34,8 @@ def one_end_off(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray])
     """Whether readings were left out of a strip where one end of the contact, and no more, would lie elsewhere.
 
     Or the same channel of two neighbours, or both of one strip. Amid strips that agree hardly any object moves one
-    reading of a single strip; where few readings are left to check, nothing tells. (At the sensor's border a fault that leaves a reading off ground and Vref does so
-    too, which is rare.)
+    reading of a single strip; where few readings are left to check, nothing tells. (At the sensor's border a fault that
+    leaves a reading off ground and Vref does so too, which is rare.)
     """
     if not np.count_nonzero(run.excluded):
         return False
