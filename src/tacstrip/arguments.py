@@ -27,7 +27,7 @@ _MAKE = {
     "RawScan": "tacstrip.stream.encode(scan, sensor)",
     "Reconstruction": "ts.fit_polygon(scan, sensor)",
     "RecoveredObject": "ts.fit_polygon(scan, sensor).objects[0]",
-    "Outline": "ts.Outline(vertices)",
+    "Outline": "ts.Outline.of(vertices)",
     "Track": "ts.track(scans, sensor)[0]",
     "Patch": "ts.press(sensor, solid, depth_mm=1.0)",
     "Calibrated": "ts.calibrate_unit(sensor, runs)",

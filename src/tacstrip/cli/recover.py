@@ -28,4 +28,4 @@ def command(recording: Path, output: Path | None, force: bool) -> None:
     total = sum(saved.messages.values())
     click.echo(f"{target}: {total} message(s) over {saved.seconds:.6g} s saved ({counts})")
     lost = "\n  ".join(saved.lost)
-    click.echo(f"Lost: {lost}" if lost else f"Nothing was lost: {recording} is whole")
+    click.echo(f"Lost: {lost}" if lost else f"Nothing was lost: every message of {recording} is in it")

@@ -23,7 +23,7 @@ _NONE, _RANGE = "none", "{median:.3f} ({p05:.3f} to {p95:.3f})"
 @options.option("--seeds", type=options.WholeRange(1), default=200, help="Draws per noisy cell.")
 @options.option("--workers", type=options.WholeRange(1), help="Processes; by default one per core.")
 @options.option(
-    "--table", metavar="NUMBER", help="One table only, such as 5.5, printed here; no file is written."
+    "--table", metavar="NUMBER", help="One table only, of 5.2-5.14, 6.2-6.4 or 6.6, printed here; no file."
 )
 @options.figure_format("Of the figures; svg and pdf are written beside those that the report shows.")
 def command(out: Path, seeds: int, workers: int | None, table: str | None, kind: str) -> None:
