@@ -21,8 +21,8 @@ SENSOR = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=5.0, length_mm=10
 TRUTH = np.array([(14.0, 36.0), (62.0, 21.0), (83.0, 58.0), (40.0, 80.0)])
 CONTACT = ts.Contact.polygon(TRUTH)
 ALL = ts.Noise(
-    white=0.003, white_shared=0.2, wander=(0.002, 0.001), wander_s=(3.0, 100.0), wander_shared=0.3, offset=0.002,
-    gain=0.004, edge_mm=0.3, edge_correlation_mm=6.0, blur_mm=0.3, hum=0.002, hum_hz=3.3,
+    white=0.003, white_shared=0.2, wander=(0.002, 0.001), wander_s=(3.0, 100.0), wander_shared=0.3,
+    wander_by_signature=0.4, offset=0.002, gain=0.004, edge_mm=0.3, edge_correlation_mm=6.0, blur_mm=0.3, hum=0.002, hum_hz=3.3,
 )  # fmt: skip
 
 
