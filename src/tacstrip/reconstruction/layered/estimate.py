@@ -275,10 +275,8 @@ def covariance_of(
     """
     deviation = np.sqrt(np.diag(own).reshape(-1, 2).sum(axis=1))
     hidden = deviation > _HIDDEN * problem.length_mm
-    common = (
-        0.0  # what just one signature's strips share is taken for all strips', whose number one layer has
-    )
-    if noise is not None:
+    common = 0.0
+    if noise is not None:  # what the strips of one signature share is taken for all strips'
         common = common_variance(noise, averaging) + signature_variance(noise, averaging)
     if common > 0.0:
         by = own @ problem.of_offset(fitted)
