@@ -152,7 +152,10 @@ def test_the_network_has_the_same_soft_edges() -> None:
         ({"white": -1.0}, "white = -1.0: must be 0 or more"),
         ({"wander": 2.0}, "wander = 2.0: a fraction of Vref, 0.01 for 1 %"),
         ({"wander_shared": 1.5}, "wander_shared = 1.5: a share of the variance, 0 to 1"),
-        ({"wander_shared": 0.6, "wander_by_signature": 0.5}, "wander_shared and wander_by_signature: together"),
+        (
+            {"wander_shared": 0.6, "wander_by_signature": 0.5},
+            "wander_shared and wander_by_signature: together",
+        ),
         ({"wander": 0.1, "wander_s": 0.0}, "wander_s = 0: a time constant must be above 0"),
         (
             {"wander": (0.1, 0.2), "wander_s": (1.0, 2.0, 3.0)},
