@@ -1,11 +1,14 @@
-"""Concave shapes doubted as several objects: do two convex ones explain the readings as well: then nothing can tell.
+"""Concave shapes: what is doubted as several objects, or `ok` and wrong, for another shape reads alike.
 
 Run: python -m studies.several_limit [--cases 200] [--seed 1]
 
 Concave shapes of the hold-out on 12 strips or more, both signatures, noise of .2 to 2 %, told or not. Of those that are
 doubted the likeliest pair of convex objects is looked for, with every strip (of more than 36: those near inward
 corners) as a place where one may begin or end, and moved by least squares. Where its own readings are as near to what
-was read as the true shape's, nothing in the readings can tell.
+was read as the true shape's, nothing in the readings can tell. Nor can it where the outline is `ok` and wrong: each
+strip reads from the lowest place of contact to the highest, and the shape filled so reads alike to the last bit; if it
+overlaps the true one by less than `ok` promises, gaps that open across the strips hide too much ("filled alike"). Else
+a convex outline may explain the readings ("convex explains").
 """
 
 from __future__ import annotations
@@ -22,7 +25,8 @@ from scipy.special import chdtri  # scipy.stats takes half a second to import
 import tacstrip as ts
 from studies.holdout import cases
 from studies.holdout.cases import Case
-from studies.holdout.score import LEAST_P, RIGHT, SEVERAL, best_object, told_noise
+from studies.holdout.convexity import best_convex
+from studies.holdout.score import LEAST_P, RIGHT, SEVERAL, best_object, overlap, told_noise
 from studies.holdout.shapes import CONCAVE, Array
 from tacstrip.reconstruction.contact_ends import closed_ends, end_deviations
 from tacstrip.reconstruction.pieces.pair import Ends, likeliest_pair
@@ -32,6 +36,7 @@ _ALL, _NEAR = 36, 3  # strips: of more, places within so many of an inward corne
 _AS_WELL = 9.0  # of chi square beyond the truth's
 _MISSED, _STEP, _ROUNDS = 30.0, 1e-4, 12  # deviations of a strip not touched; over L; of least squares
 _OVERLAP = 0.01  # of the smaller one's area: apart but for noise
+_COLUMNS = 400  # of a filled outline
 _SAME = 1e-9  # of L: of second differences of straight edges
 
 
@@ -76,6 +81,25 @@ def explaining(case: Case) -> list[Array] | None:
     return outlines if apart and float((off**2).sum()) <= enough else None
 
 
+def filled(outline: Array) -> Array:
+    """Return an outline filled along the strips, from its lowest to its highest place at every x: it reads alike."""
+    polygon = shapely.Polygon(outline)
+    left, low, right, high = polygon.bounds
+    x = np.linspace(left, right, _COLUMNS + 2)[1:-1]
+    lines = shapely.linestrings([[(at, low - 1.0), (at, high + 1.0)] for at in x])
+    ends = shapely.bounds(shapely.intersection(polygon, lines))
+    return np.vstack([ends[:, :2], np.column_stack([x, ends[:, 3]])[::-1]])
+
+
+def why_wrong(case: Case) -> str:
+    """Return what hides the true shape of an outline that is `ok` and wrong."""
+    if overlap(case.unit, filled(case.outlines[0]), case.outlines[0]) < RIGHT:
+        return "filled alike"
+    read, sigma = np.clip(case.read, 0.0, 1.0), case.unit.sigma(case.half_width)
+    explained = best_convex(case.unit, read, sigma, case.low, case.high)[1] >= LEAST_P
+    return "convex explains" if explained else "other wrong"
+
+
 def _hull(points: Array) -> Array:
     ring = shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(points)))[:-1]
     return np.asarray(ring)
@@ -88,7 +112,7 @@ def _inward(chain: Array, least: float) -> list[int]:
 
 
 def table(count: int, seed: int) -> list[str]:
-    """Return how many concave shapes are doubted as several, and for how many two objects explain the readings."""
+    """Return how many concave shapes are doubted as several, or `ok` and wrong, and what other shapes read alike."""
     found: dict[str, Counter[str]] = {}
     for number in range(count):
         random = np.random.default_rng([seed, number])
@@ -100,15 +124,20 @@ def table(count: int, seed: int) -> list[str]:
         )
         counter = found.setdefault(kind, Counter())
         counter["cases"] += 1
+        right = best_object(case.unit, result, case.outlines[0])[0] >= RIGHT
+        if result.status == "ok":
+            counter["called ok"] += 1
+            if not right:
+                counter[why_wrong(case)] += 1
         if result.status == "ok" or SEVERAL.search(result.advice) is None:
             continue
         counter["doubted"] += 1
         if explaining(case) is not None:
             counter["two explain"] += 1
         else:
-            right = best_object(case.unit, result, case.outlines[0])[0] >= RIGHT
             counter["outline right" if right else "outline wrong"] += 1
-    names = ("cases", "doubted", "two explain", "outline wrong", "outline right")
+    doubted = ("doubted", "two explain", "outline wrong", "outline right")
+    names = ("cases", *doubted, "called ok", "filled alike", "convex explains", "other wrong")
     rows = [*sorted(found.items()), ("all", sum(found.values(), Counter()))]
     return [
         f"{'':10}" + "".join(f" {n}" for n in names),

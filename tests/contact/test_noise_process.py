@@ -62,6 +62,13 @@ def test_a_wander_that_all_channels_share() -> None:
     assert e[:, 0, 0].std() > 0.003
 
 
+def test_a_wander_that_the_strips_of_one_signature_share() -> None:
+    e = errors(ts.Noise(wander=0.01, wander_s=1.0, wander_by_signature=1.0), np.arange(200.0))
+    assert np.ptp(e, axis=2).max() < 1e-15
+    assert e.std() == pytest.approx(0.01, rel=0.2)
+    assert abs(np.corrcoef(e[:, 0, 0], e[:, 1, 0])[0, 1]) < 0.25
+
+
 def test_offset_and_gain_stay_as_they_are() -> None:
     offset = errors(ts.Noise(offset=0.01), np.arange(3.0))
     assert np.ptp(offset) < 1e-15
@@ -145,6 +152,10 @@ def test_the_network_has_the_same_soft_edges() -> None:
         ({"white": -1.0}, "white = -1.0: must be 0 or more"),
         ({"wander": 2.0}, "wander = 2.0: a fraction of Vref, 0.01 for 1 %"),
         ({"wander_shared": 1.5}, "wander_shared = 1.5: a share of the variance, 0 to 1"),
+        (
+            {"wander_shared": 0.6, "wander_by_signature": 0.5},
+            "wander_shared and wander_by_signature: together",
+        ),
         ({"wander": 0.1, "wander_s": 0.0}, "wander_s = 0: a time constant must be above 0"),
         (
             {"wander": (0.1, 0.2), "wander_s": (1.0, 2.0, 3.0)},

@@ -47,6 +47,7 @@ def test_a_wander_is_told_from_white_noise_with_what_channels_share() -> None:
     within = [[(s**2, t) for s, t in one.noise.processes if t < 200.0] for one in found]
     assert np.sqrt(np.mean([sum(v for v, _ in p) for p in within])) == pytest.approx(0.004, rel=0.25)
     assert np.mean([one.noise.wander_shared for one in found]) == pytest.approx(0.4, abs=0.15)
+    assert np.mean([one.noise.wander_by_signature for one in found]) < 0.1
     times = [np.average([t for _, t in p], weights=[v for v, _ in p]) for p in within]
     assert 2.5 < np.median(times) < 12.0
 
@@ -176,13 +177,15 @@ def test_the_allan_deviation_of_white_noise_falls_and_of_a_walk_rises() -> None:
 def test_a_variogram_and_its_processes_by_hand() -> None:
     lags_s = np.geomspace(0.1, 30.0, 25)
     own = 4.0 + 9.0 * (1.0 - np.exp(-lags_s / 2.0))
-    variance, shared, time_s = processes(lags_s, own, 0.5 * own, 60.0)
+    variance, shared, time_s = processes(lags_s, own, 0.5 * own[:, None], 60.0)
     assert variance.sum() == pytest.approx(13.0, rel=0.05)
     assert variance[0] == pytest.approx(4.0, rel=0.1)
     assert shared.sum() == pytest.approx(6.5, rel=0.1)
     assert np.average(time_s[1:], weights=variance[1:]) == pytest.approx(2.0, rel=0.5)
     lags, half, together = variogram(np.array([[0.0, 0.0], [1.0, 1.0], [0.0, 0.0], [1.0, 1.0]]))
-    assert (lags.tolist(), half.tolist(), together.tolist()) == ([1, 2], [0.5, 0.0], [0.5, 0.0])
+    assert (lags.tolist(), half.tolist(), together.tolist()) == ([1, 2], [0.5, 0.0], [[0.5, 0.5], [0.0, 0.0]])
+    rows = np.array([[0.0, 0.0, 0.0], [1.0, 1.0, -1.0], [0.0, 0.0, 0.0]])
+    assert variogram(rows, ["k_h", "k_h", "k_l"])[2].tolist() == [[-0.5, 0.5]]
 
 
 def test_a_wander_that_neighbours_share_is_said_and_is_no_error_of_the_ends() -> None:

@@ -33,3 +33,9 @@ def test_an_upright_ell_reads_as_two_objects_and_a_plus_does_not(outline: np.nda
         assert lower.is_valid
         assert upper.is_valid
         assert lower.intersection(upper).area < 0.01 * min(lower.area, upper.area) + 1e-9
+
+
+def test_a_shape_filled_along_the_strips_reads_alike_and_hides_a_gap_across_them() -> None:
+    c = np.array([(0, 0), (10, 0), (10, 2), (3, 2), (3, 8), (10, 8), (10, 10), (0, 10)], dtype=float)
+    assert shapely.Polygon(limit.filled(c)).area == pytest.approx(100.0, rel=0.01)
+    assert shapely.Polygon(limit.filled(_ELL)).area == pytest.approx(0.7, rel=0.01)  # nothing to fill

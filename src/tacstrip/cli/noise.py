@@ -12,7 +12,7 @@ from tacstrip.cli import load_log, options, protect, warn_of_log
 from tacstrip.diagnose.learned_noise import LearnedNoise, learn_noise
 from tacstrip.errors import OptionError, ReadingError
 from tacstrip.files import write_text
-from tacstrip.reconstruction.noise_covariance import Averaging, common_variance, own_variance
+from tacstrip.reconstruction.noise_covariance import Averaging, reading_variance
 from tacstrip.sensor.spec import Sensor, with_noise
 
 _SHOWN = (1, 16, 64)  # scans averaged
@@ -95,7 +95,10 @@ def _lines(found: LearnedNoise, sensor: Sensor) -> Iterator[str]:
         over = longer if slow else f"in some {time_s:.3g} s"
         yield f"Wander of the zero {over}: {percent(sigma, 'static' if slow else 'wander')}"
     if noise.processes:
-        yield f"All channels share {100.0 * noise.wander_shared:.0f} % of the wander's variance"
+        yield (
+            f"All channels share {100.0 * noise.wander_shared:.0f} % of the wander's variance, the strips of one "
+            f"signature {100.0 * noise.wander_by_signature:.0f} % more"
+        )
     if noise.edge_mm:
         yield (
             f"Ends of the contact: {noise.edge_mm:.3g} mm +- {100.0 * sure['static']:.2g} % of it, correlated over "
@@ -108,7 +111,7 @@ def _lines(found: LearnedNoise, sensor: Sensor) -> Iterator[str]:
     )
     for count in _SHOWN:
         mean = Averaging(count, found.period_s * (count - 1))
-        sigma = (own_variance(noise, sensor, mean) + common_variance(noise, mean)) ** 0.5
+        sigma = reading_variance(noise, sensor, mean) ** 0.5
         yield f"A mean of {count} scan(s) is off by {percent(sigma)}, edges not counted"
     for sentence in found.unidentifiable:
         yield f"Cannot tell {sentence}"

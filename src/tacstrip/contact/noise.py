@@ -92,6 +92,7 @@ class NoiseProcess:
         self._edges = noise.edge_mm * _correlated(draw((2, n)), sensor.pitch_mm, noise.edge_correlation_mm)
         self._edges += noise.blur_mm * draw() * np.array([[-1.0], [1.0]])
         self._common = draw(len(noise.processes))
+        self._of_signature: dict[str, FloatArray] = {}  # of each signature (processes,)
 
     @property
     def _random(self) -> np.random.Generator:
@@ -141,7 +142,9 @@ class NoiseProcess:
             for name, k in errors.items():
                 own = noise.white * math.sqrt(1.0 - noise.white_shared) * random.standard_normal(k.shape[1:])
                 slow = np.tensordot(self._sigmas, self._wander[name], 1)
-                k[i] = alike + own + slow * math.sqrt(1.0 - noise.wander_shared)
+                k[i] = alike + own + slow * math.sqrt(1.0 - noise.wander_shared - noise.wander_by_signature)
+                if noise.wander_by_signature:
+                    k[i] += self._sigmas @ self._of_signature[name] * math.sqrt(noise.wander_by_signature)
                 if noise.strays:
                     strays = random.uniform(size=k.shape[1:]) < noise.strays
                     k[i] += strays * noise.stray_size * random.standard_normal(k.shape[1:])
@@ -165,6 +168,8 @@ class NoiseProcess:
             by = (slice(None), *[None] * len(shape))
             drawn = new[by] * draw((len(kept), *shape))
             self._wander[name] = kept[by] * self._wander.get(name, 0.0) + drawn
+            if self.noise.wander_by_signature:
+                self._of_signature[name] = kept * self._of_signature.get(name, 0.0) + new * draw(len(kept))
         self._time_s = now_s
 
 

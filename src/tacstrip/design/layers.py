@@ -14,7 +14,7 @@ from tacstrip.core.scene import Scene, SceneProblem
 from tacstrip.errors import ContactError
 from tacstrip.fisher import checked_sigma, covariance
 from tacstrip.reconstruction.layered.estimate import scene_problem
-from tacstrip.reconstruction.noise_covariance import Averaging, common_variance, fit_sigma
+from tacstrip.reconstruction.noise_covariance import Averaging, common_variance, fit_sigma, signature_variance
 from tacstrip.sensor.layers import LayeredSensor
 from tacstrip.simulation import simulate
 
@@ -72,7 +72,7 @@ def layer_limits(sensor: LayeredSensor, contact: Contact, noise: Noise) -> list[
     areas = Contact(tuple(shapely.Polygon(outline) for outline in outlines))
     problem = scene_problem(simulate(sensor, areas), sensor, sigma)
     every = tuple(range(len(problem.layers)))
-    shared = common_variance(noise, averaging)
+    shared = common_variance(noise, averaging) + signature_variance(noise, averaging)
     return [
         LayerLimit(which, _sigma(problem, which, scene, shared)) for which in (every, *((k,) for k in every))
     ]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
@@ -43,12 +45,14 @@ def allan_deviation(values: FloatArray) -> tuple[IntArray, FloatArray]:
     return counts, np.array(found)
 
 
-def variogram(values: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
+def variogram(values: FloatArray, signatures: Sequence[str] = ()) -> tuple[IntArray, FloatArray, FloatArray]:
     """Return lags (A,) in scans, half the mean square change of a channel over them, and that which channels share.
 
-    The second is half the mean product of two channels' changes, 0 for independent ones. Values as for
-    `allan_deviation`.
+    The second (A, 2) is half the mean product of two channels' changes, 0 for independent ones: of channels of any two
+    signatures, and of one signature. Values as for `allan_deviation`; `signatures`: of each channel, none for one.
     """
+    of = np.array(signatures or [""] * values.shape[1])
+    each = [of == name for name in sorted(set(of))]
     lags = np.unique(np.geomspace(1, max(len(values) // 2, 1), _LAGS).astype(int))
     own, shared = [], []
     for lag in lags:
@@ -56,7 +60,11 @@ def variogram(values: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
         count = np.isfinite(step).sum(axis=1)
         squares, together = np.nansum(step**2, axis=1), np.nansum(step, axis=1) ** 2
         own.append(0.5 * squares.sum() / max(int(count.sum()), 1))
-        shared.append(0.5 * (together - squares).sum() / max(int((count * (count - 1)).sum()), 1))
+        alike = sum(np.nansum(step[:, at], axis=1) ** 2 for at in each)
+        many = sum(np.isfinite(step[:, at]).sum(axis=1) ** 2 for at in each)
+        same = 0.5 * (alike - squares).sum() / max(int((many - count).sum()), 1)
+        pairs = int((count**2 - many).sum())
+        shared.append([0.5 * (together - alike).sum() / pairs if pairs else same, same])
     return lags, np.array(own), np.array(shared)
 
 
@@ -70,14 +78,14 @@ def processes(
     lags_s
         Lags (A,) [s].
     own, shared
-        The variogram, and what channels share of it (A,).
+        The variogram (A,), and what channels share of it (A, C).
     lasts_s
         Duration of what it was made from [s].
 
     Returns
     -------
     tuple
-        Variances (P,), how much of each all channels share (P,), time constants (P,) [s], 0 for white noise.
+        Variances (P,), how much of each channels share (P, C), time constants (P,) [s], 0 for white noise.
     """
     from scipy.optimize import nnls  # late: it takes its time
 
@@ -100,8 +108,9 @@ def processes(
             sizes.append(size)
         else:
             sizes[0] += size * (tried[group][0] < 4.0 * lags_s[0])
-    together = nnls(_shapes(lags_s, np.array(times)) * weight[:, None], np.maximum(shared, 0.0) * weight)[0]
-    return np.array(sizes), np.minimum(together, sizes), np.array(times)
+    shapes = _shapes(lags_s, np.array(times)) * weight[:, None]
+    together = [nnls(shapes, np.maximum(of, 0.0) * weight)[0] for of in shared.T]
+    return np.array(sizes), np.minimum(together, sizes).T, np.array(times)
 
 
 def _shapes(lags_s: FloatArray, times_s: FloatArray) -> FloatArray:

@@ -151,16 +151,18 @@ def learn_noise(log: Log, vertices: int | None = None) -> LearnedNoise:
             f"hum: {1.0 / period_s:.3g} scans a second, over {lasts_s:.3g} s, do not tell it from other noise"
         )
     _refuse_motion(values)
-    lags, own, shared = variogram(values)
+    lags, own, shared = variogram(values, [name.split()[0] for name in channels])
     variance, together, time_s = processes(np.asarray(lags * period_s, dtype=float), own, shared, lasts_s)
     step = log.sensor.adc_step**2 / 12.0
     white, slow = max(variance[0] - step, 0.0), variance[1:]
+    every, of_signature = (_share(of[1:].sum(), slow.sum()) for of in together.T)
     noise = Noise(
         white=math.sqrt(white),
-        white_shared=_share(together[0], white),
+        white_shared=_share(together[0, 0], white),
         wander=tuple(map(_digits, np.sqrt(slow))) or 0.0,
         wander_s=tuple(map(_digits, time_s[1:])) or 60.0,
-        wander_shared=_share(together[1:].sum(), slow.sum()),
+        wander_shared=every,
+        wander_by_signature=max(of_signature - every, 0.0),
         hum=max(hum, 0.0),
         hum_hz=hum_hz,
         strays=strays,
@@ -206,6 +208,7 @@ _ROUNDED = (
     "white",
     "white_shared",
     "wander_shared",
+    "wander_by_signature",
     "edge_mm",
     "edge_correlation_mm",
     "hum",
@@ -394,9 +397,8 @@ def _static(
         )
     if lasting**2 > _SMALL * own_variance(noise, sensor, Averaging.of(scan)):
         lasts = max(_SLOW_S, _SLOW * scan.span_s)
-        lasting /= math.sqrt(
-            1.0 - min(noise.wander_shared, _MOST_SHARED)
-        )  # residuals tell what is not shared
+        shared = min(noise.wander_shared + noise.wander_by_signature, _MOST_SHARED)
+        lasting /= math.sqrt(1.0 - shared)  # residuals tell what is not shared
         sigmas, times_s = zip(*noise.processes, (_digits(lasting), _digits(lasts)), strict=True)
         noise = replace(noise, wander=sigmas, wander_s=times_s)
     noise = replace(

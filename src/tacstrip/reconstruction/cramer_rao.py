@@ -17,9 +17,8 @@ from tacstrip.geometry.outline import Outline
 from tacstrip.network.crp.cramer_rao import jacobian
 from tacstrip.reconstruction.noise_covariance import (
     Averaging,
-    common_variance,
-    own_variance,
     reading_covariance,
+    reading_variance,
     signature_jacobians,
 )
 from tacstrip.reconstruction.strip_width import across, end_slopes, equivalent_ends
@@ -34,7 +33,7 @@ def reading_sigma(noise: Noise, sensor: Sensor) -> float:
     An error uniform within +-a has a / sqrt(3); a step s of the converter has s / sqrt(12). Gain, and where a soft
     contact ends, depend on the contact and are not counted.
     """
-    return math.sqrt(own_variance(noise, sensor, Averaging()) + common_variance(noise, Averaging()))
+    return math.sqrt(reading_variance(noise, sensor, Averaging()))
 
 
 def vertex_jacobian(

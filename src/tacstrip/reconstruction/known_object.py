@@ -27,7 +27,7 @@ from tacstrip.reconstruction.implausible import doubt_implausible
 from tacstrip.reconstruction.noise_covariance import (
     Averaging,
     CorrelatedErrors,
-    common_variance,
+    correlated,
     fit_sigma,
     reading_covariance,
     signature_advice,
@@ -563,7 +563,7 @@ def _errors(
     if noise is not None and fit.edge_mm:  # the growth of all ends is fitted along
         apart = noise.edge_correlation_mm or -fit.sensor.pitch_mm / math.log(_NEIGHBOURS)
         noise = replace(noise, edge_mm=fit.edge_mm, edge_correlation_mm=apart, blur_mm=0.0)
-    if noise is None or not (common_variance(noise, averaging) or noise.soft or noise.gain):
+    if noise is None or not correlated(noise, averaging):
         return None
     used, ends = fit.weight > 0.0, fit.ends(pose[None])[:2]
     matrix = reading_covariance(noise, fit.sensor, fit.x_mm, (ends[0][0], ends[1][0]), fit.names, averaging)

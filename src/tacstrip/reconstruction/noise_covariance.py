@@ -67,20 +67,36 @@ def own_variance(noise: Noise, sensor: Sensor, averaging: Averaging) -> float:
         fresh += noise.strays * noise.stray_size**2
     steps = sensor.adc_variance
     dithered = fresh + noise.white**2 * noise.white_shared >= (_DITHER * sensor.adc_step) ** 2
-    lasting = sum(s**2 * averaging.lasting(t) for s, t in noise.processes) * (1.0 - noise.wander_shared)
+    lasting = _wander(noise, averaging) * (1.0 - noise.wander_shared - noise.wander_by_signature)
     return (fresh + steps * dithered) / averaging.count + steps * (not dithered) + lasting
 
 
 def common_variance(noise: Noise, averaging: Averaging) -> float:
     """Return the variance [Vref^2] of the error that all readings share."""
-    lasting = sum(s**2 * averaging.lasting(t) for s, t in noise.processes) * noise.wander_shared
+    lasting = _wander(noise, averaging) * noise.wander_shared
     white = noise.white**2 * noise.white_shared / averaging.count
     return white + lasting + noise.offset**2 + noise.hum**2 * averaging.humming(noise.hum_hz)
 
 
+def signature_variance(noise: Noise, averaging: Averaging) -> float:
+    """Return the variance [Vref^2] of the error that all strips share in one signature, and not in the other."""
+    return _wander(noise, averaging) * noise.wander_by_signature
+
+
+def reading_variance(noise: Noise, sensor: Sensor, averaging: Averaging) -> float:
+    """Return the variance [Vref^2] of a reading, edges and gain not counted."""
+    shared = common_variance(noise, averaging) + signature_variance(noise, averaging)
+    return own_variance(noise, sensor, averaging) + shared
+
+
+def _wander(noise: Noise, averaging: Averaging) -> float:
+    return sum(s**2 * averaging.lasting(t) for s, t in noise.processes)
+
+
 def correlated(noise: Noise, averaging: Averaging) -> bool:
     """Whether the errors of readings are not independent."""
-    return noise.soft or noise.gain > 0.0 or common_variance(noise, averaging) > 0.0
+    shared = common_variance(noise, averaging) + signature_variance(noise, averaging)
+    return noise.soft or noise.gain > 0.0 or shared > 0.0
 
 
 def fit_sigma(noise: Noise, sensor: Sensor, averaging: Averaging) -> float:
@@ -165,6 +181,8 @@ def reading_covariance(
     """
     count = len(names) * len(x_mm)
     found = np.full((count, count), common_variance(noise, averaging))
+    of_signature = np.eye(len(names)) * signature_variance(noise, averaging)
+    found += np.kron(of_signature, np.ones((len(x_mm), len(x_mm))))
     # Shared alone it is singular.
     found[np.diag_indices(count)] += own_variance(noise, sensor, averaging) + FLOOR**2
     if not (noise.soft or noise.gain):

@@ -17,7 +17,7 @@ Several: TypeAlias = float | tuple[float, ...]
 _DISTRIBUTIONS = ("uniform", "normal")
 _OF_VREF = ("quantisation", "positional", "white", "offset", "gain", "hum", "strays", "stray_size")
 _OTHER = ("transition_mm", "edge_mm", "edge_correlation_mm", "blur_mm", "hum_hz")
-_SHARES = ("white_shared", "wander_shared")
+_SHARES = ("white_shared", "wander_shared", "wander_by_signature")
 # The keys of a spec's [noise] table, with the comment that is written beside them.
 COMMENTS = {
     "quantisation": "half-width of the combined quantisation error, over Vref",
@@ -29,6 +29,7 @@ COMMENTS = {
     "wander": "standard deviation of the zero's slow wander, over Vref; several: of as many processes",
     "wander_s": "time constants of the wander",
     "wander_shared": "share of its variance that all channels have in common",
+    "wander_by_signature": "share of its variance that all strips of one signature have in common, beyond that",
     "offset": "standard deviation of one constant offset of all channels, over Vref",
     "gain": "standard deviation of each strip's gain about 1",
     "edge_mm": "standard deviation of where the contact ends on a strip, constant while it rests",
@@ -61,10 +62,11 @@ class Noise:
     white, white_shared
         Normal error of every reading in every scan, as a fraction of Vref, and the share of its variance, 0 to 1,
         that all channels of a scan have in common.
-    wander, wander_s, wander_shared
+    wander, wander_s, wander_shared, wander_by_signature
         Each channel's zero wanders: Ornstein-Uhlenbeck processes of these standard deviations, as a fraction of
         Vref, and time constants [s]; one of either or as many. Averaging does not remove what is slower than it. The
-        share of the variance that all channels have in common.
+        share of the variance that all channels have in common, and that which k_h, k_l and k each have for themselves
+        on all strips: both leave nothing that neighbours tell.
     offset
         One constant offset of all channels, as a fraction of Vref.
     gain
@@ -104,6 +106,7 @@ class Noise:
     wander: Several = 0.0
     wander_s: Several = 60.0
     wander_shared: float = 0.0
+    wander_by_signature: float = 0.0
     offset: float = 0.0
     gain: float = 0.0
     edge_mm: float = 0.0
@@ -134,6 +137,10 @@ class Noise:
                     raise OptionError(f"{name} = {one}: a fraction of Vref, 0.01 for 1 %")
                 if one > 1.0 and name in _SHARES:
                     raise OptionError(f"{name} = {one}: a share of the variance, 0 to 1")
+        if self.wander_shared + self.wander_by_signature > 1.0:
+            raise OptionError(
+                "wander_shared and wander_by_signature: together at most 1, all of the variance"
+            )
         if any(time_s == 0.0 for _, time_s in self.processes):
             raise OptionError(
                 "wander_s = 0: a time constant must be above 0; an error without one is `white`"

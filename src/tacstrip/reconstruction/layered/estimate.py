@@ -23,7 +23,7 @@ from tacstrip.reconstruction.contact_ends import closed_ends
 from tacstrip.reconstruction.implausible import doubt_implausible
 from tacstrip.reconstruction.layered.posterior import covariance_over_minima, draw_scenes
 from tacstrip.reconstruction.layered.search import Candidate, Search, inward_corners
-from tacstrip.reconstruction.noise_covariance import Averaging, common_variance, fit_sigma
+from tacstrip.reconstruction.noise_covariance import Averaging, common_variance, fit_sigma, signature_variance
 from tacstrip.reconstruction.polygon.goodness_of_fit import chi_square_score
 from tacstrip.reconstruction.posterior.assessment import ENOUGH, PROMISED_IOU, Effort, check_effort
 from tacstrip.reconstruction.result import Reconstruction, RecoveredObject, Status
@@ -275,7 +275,10 @@ def covariance_of(
     """
     deviation = np.sqrt(np.diag(own).reshape(-1, 2).sum(axis=1))
     hidden = deviation > _HIDDEN * problem.length_mm
-    if noise is not None and (common := common_variance(noise, averaging)) > 0.0:
+    common = 0.0
+    if noise is not None:  # what the strips of one signature share is taken for all strips'
+        common = common_variance(noise, averaging) + signature_variance(noise, averaging)
+    if common > 0.0:
         by = own @ problem.of_offset(fitted)
         own = own + common * np.outer(by, by)
     return own, hidden

@@ -25,6 +25,7 @@ _POINTS = 60  # at most, that the regression sees: a mean of a convex function's
 _ROUNDS = 3  # of l with u as it is, and u with l
 _HELD = 1e4  # times the largest weight: of an end where l and u meet
 _NEARLY = 0.9  # IoU with convex ends that explain the readings
+_NEAR_ENOUGH = 0.006  # of Vref: the deviation of 1 % noise, as rubber has it
 _ALARM = 3.09  # deviations of chi square: p = .001
 
 
@@ -112,7 +113,7 @@ def follows_convex(
     readings tell. It is none, nor a second object's, where it is convex with all others. Arguments as of `second_look`,
     and which readings (2, n) are not asked, as a faulty channel's.
     """
-    if len(run.problem.k) == 1 or run.selection is None or (distribution is None and run.sigma >= MOST_SIGMA):
+    if len(run.problem.k) == 1 or run.selection is None:
         return False
     k = np.where(faulty, np.nan, np.stack([readings["kh"], readings["kl"]]))
     read = np.isfinite(k)
@@ -126,8 +127,11 @@ def follows_convex(
     weight = np.where(read, 1.0 / sigma**2, 0.0)
     problem = replace(run.problem, k=np.where(read, k, 0.0), weight=weight)
     found = fit_convex(problem, *ends)
-    if distribution is None and found.chi_square * sigma**2 > MOST_SIGMA**2 * found.freedom:
-        return False  # two objects make an estimate as large as what convex ends leave over of them
+    # Of two objects both an estimate and what convex ends leave over are large. Where the polygon itself is off by more
+    # than noise, as of curves on few strips, these ends must be so near that no noise need be made up for them.
+    most = MOST_SIGMA if run.sigma < MOST_SIGMA else _NEAR_ENOUGH
+    if distribution is None and found.chi_square * sigma**2 > most**2 * found.freedom:
+        return False
     return found.explains and like(outline, found, run, sensor)
 
 
