@@ -23,7 +23,7 @@ def convex_reach(
     edges: tuple[float, float, float, float],
     within: float,
 ) -> FloatArray:
-    """Return the outline (M, 2) [mm] of what convex bodies that contain a convex ring (N, 2) may cover, counter-clockwise.
+    """Return the outline (M, 2) [mm] of what convex bodies around a convex ring (N, 2) may cover, counter-clockwise.
 
     The body contains no point of `bodies` (B, 2), nor one straight below those of `below`, or above those of `above`
     (n, 2), and stays within `edges`: left, right, bottom, top [mm]. The outline is found along rays from the ring's
