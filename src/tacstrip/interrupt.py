@@ -1,4 +1,4 @@
-"""How work is ended from outside: Ctrl-C, a request to end, a terminal that is closed; they all do the same."""
+"""How work is ended from outside: Ctrl-C, SIGTERM and a closed terminal (SIGHUP) all do the same."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ _Item = TypeVar("_Item")
 _P = ParamSpec("_P")
 # Windows has no SIGHUP.
 _SIGNALS = [s for name in ("SIGINT", "SIGTERM", "SIGHUP") if (s := getattr(signal, name, None)) is not None]
-_ORPHAN_S = 0.5  # between two looks of a worker whether its parent is there
-_LAST_S = 0.5  # for a process to put away the file that it writes
+_ORPHAN_S = 0.5  # between two checks of a worker that its parent still runs
+_LAST_S = 0.5  # for a process to remove the unfinished file that it writes
 
 
 @contextmanager
@@ -43,7 +43,7 @@ def all_as_ctrl_c() -> AbstractContextManager[None]:
 
 @contextmanager
 def _held_back() -> Iterator[None]:
-    """Let what ends a program wait for the end of the block: an exception in the hooks of a fork would be lost."""
+    """Delay these signals until the block has ended: an exception raised in the hooks of a fork would be lost."""
     if threading.current_thread() is not threading.main_thread():
         yield  # signals are handled in the main thread alone
         return
@@ -63,11 +63,11 @@ class Stop:
         self._asked = self._waiting = False
 
     def __call__(self) -> bool:
-        """Return it."""
+        """Return whether an end was asked for."""
         return self._asked
 
     def ask(self, *_: object) -> None:
-        """Ask for the end: of what is waited for at once, of all else where the loop looks next."""
+        """Ask for the end: a wait ends at once, other work where its loop checks next."""
         self._asked = True
         if self._waiting:
             raise KeyboardInterrupt

@@ -58,12 +58,12 @@ def generator(rng: Rng) -> np.random.Generator:
 
 
 class NoiseProcess:
-    """The errors of one sensor while a contact rests or moves on it: what lasts goes on from scan to scan.
+    """The errors of one sensor while a contact rests or moves on it; lasting errors are kept from scan to scan.
 
     Parameters
     ----------
     noise, sensor
-        What errors, on what.
+        The kinds of errors, and the sensor that has them.
     rng
         A seed, or a NumPy generator. The errors of section 5.1 are drawn from it as they always were.
 
@@ -159,7 +159,7 @@ class NoiseProcess:
         return np.array([sigma for sigma, _ in self.noise.processes])
 
     def _go_on(self, now_s: float, shapes: Mapping[str, tuple[int, ...]]) -> None:
-        """Let the wander go on to a time."""
+        """Advance the wander to a time [s]."""
         since = abs(now_s - self._time_s)
         kept = np.array([0.0 if math.isnan(since) else math.exp(-since / t) for _, t in self.noise.processes])
         new, draw = np.sqrt(1.0 - kept**2), self._random.standard_normal

@@ -1,4 +1,4 @@
-"""How far a convex body may reach that holds a ring: each reading shuts out a cone behind itself."""
+"""How far a convex body that contains a given ring may extend: each reading excludes a cone behind itself."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from tacstrip.core.binding import at, exported
 
 RAYS = 40  # evenly around
 ROUNDS = 3  # of looking for corners between the rays
-PARALLEL = 1e-12  # of a direction: a ray that never meets a line
-SAME = 1e-9  # radians: a corner of which a ray is there
+PARALLEL = 1e-12  # component of a unit direction below which a ray never meets a line
+SAME = 1e-9  # radians: a corner this close to a ray needs no ray of its own
 _MOST_RAYS = 2 * RAYS << ROUNDS
 _CONE, _WALLS = 8, 4  # doubles of a cone, and walls
 
@@ -23,11 +23,11 @@ def convex_reach(
     edges: tuple[float, float, float, float],
     within: float,
 ) -> FloatArray:
-    """Return the places (M, 2) up to which a convex body may reach that holds a convex ring (N, 2), counter-clockwise.
+    """Return the outline (M, 2) [mm] of what convex bodies around a convex ring (N, 2) may cover, counter-clockwise.
 
-    It holds no point of `bodies` (B, 2), nor one straight below those of `below`, or above those of `above` (n, 2), and
-    stays within `edges`: left, right, bottom, top. Rays from the ring's middle, and the corners between them, without
-    those that change the whole by `within` [mm] at most.
+    The body contains no point of `bodies` (B, 2), nor one straight below those of `below`, or above those of `above`
+    (n, 2), and stays within `edges`: left, right, bottom, top [mm]. The outline is found along rays from the ring's
+    middle, with the corners between them; corners that change it by `within` [mm] at most are left out.
     """
     core = exported("convex_reach")
     if core is None:
@@ -52,7 +52,7 @@ def _plain_reach(
     bodies: FloatArray,
     edges: tuple[float, float, float, float],
 ) -> FloatArray:
-    """Do as `convex_reach`."""
+    """Return what `convex_reach` does before it is simplified, in NumPy."""
     points = np.concatenate([below, above, bodies])
     middle = ring.mean(axis=0)
     to = points - middle

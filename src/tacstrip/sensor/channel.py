@@ -94,7 +94,7 @@ class Channel:
 
     @cached_property
     def arrays(self) -> dict[str, FloatArray]:
-        """The constants as arrays; those that are not there as the number that changes nothing."""
+        """The constants as arrays; those not given as the neutral number, 0 or 1."""
         return {
             "offset": np.array(self.offset or 0.0),
             "gain": np.array(self.gain or 1.0),
@@ -104,7 +104,7 @@ class Channel:
         }
 
     def correct(self, raw: FloatArray) -> FloatArray:
-        """Return the readings behind raw ones, (strips,) or (scans, strips); not clipped, NaN stays NaN."""
+        """Return the corrected readings of raw ones, (strips,) or (scans, strips); not clipped, NaN stays NaN."""
         c = self.arrays
         v = raw - c["drift"]
         if self.curve:
@@ -136,14 +136,14 @@ class Channel:
 
 
 def fading(k: FloatArray, fade: float) -> FloatArray:
-    """Return the share of an offset that is there at a reading k: 1, and down to 0 at both ends of the scale."""
+    """Return the share of an offset that acts at a reading k: 1, falling to 0 towards both ends of the scale."""
     if not fade:
         return np.ones_like(k)
     return np.asarray(np.minimum(np.minimum(k, 1.0 - k) / fade, 1.0))
 
 
 def piecewise_map(values: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
-    """Carry values (.., strips) along straight pieces through the knots (start, end), and beyond the last.
+    """Interpolate values (.., strips) linearly through the knots (start, end); the outer pieces go on beyond them.
 
     Each of start and end is (knots,) or (strips, knots), rising.
     """

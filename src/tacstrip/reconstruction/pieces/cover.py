@@ -44,17 +44,17 @@ class Part:
 
     @property
     def sign(self) -> float:
-        """What a height of the stretch is times y: -1 of u."""
+        """The factor from y to the height of the stretch: 1 for l, -1 for u."""
         return -1.0 if self.side else 1.0
 
     @property
     def begins(self) -> bool:
-        """Whether its piece begins where it does."""
+        """Whether its piece begins where the stretch does."""
         return self.stretch.before is None or self.stretch.before.kind == "begins"
 
     @property
     def ends(self) -> bool:
-        """Whether its piece ends where it does."""
+        """Whether its piece ends where the stretch does."""
         return self.stretch.after is None or self.stretch.after.kind == "ends"
 
 
@@ -71,7 +71,7 @@ class Read:
 
     @cached_property
     def limits(self) -> tuple[FloatArray, FloatArray]:
-        """Between what a hull must lie (n,) [mm], by as many deviations; without end beside a cut."""
+        """Least and greatest y (n,) [mm] of a hull, some deviations outside l and u; infinite beside a cut."""
         low, high = self.l - _SLACK * self.l_sigma, self.u + _SLACK * self.u_sigma
         return np.where(self.sure, low, -np.inf), np.where(self.sure, high, np.inf)
 
@@ -87,7 +87,7 @@ class Read:
 
     @classmethod
     def of(cls, x: FloatArray, chains: tuple[Chain, Chain]) -> Read:
-        """Return what the chains of l and of -u say of strips at x (n,) [mm]."""
+        """Make it from the chains of l and of -u, evaluated at strips at x (n,) [mm]."""
         sure = np.ones(len(x), dtype=np.bool_)
         fitted = []
         for chain in chains:
@@ -283,7 +283,7 @@ def _within(points: FloatArray, read: Read) -> bool:
 
 
 def _reaching(part: Part, outside: float, inside: float) -> FloatArray:
-    """Return points of a part (M, 2) on its strips, and so much [mm] beyond, outside the run and inside at cuts."""
+    """Return a part's points (M, 2) on its strips, extended by `outside` [mm] at the run's ends, `inside` at cuts."""
     at, stretch = part.stretch.strips_x, part.stretch
     first, last = (inside if cut else outside for cut in (stretch.before, stretch.after))
     at = np.concatenate([[at[0] - first], at, [at[-1] + last]])
@@ -291,7 +291,7 @@ def _reaching(part: Part, outside: float, inside: float) -> FloatArray:
 
 
 def _surely_shown(part: Part) -> FloatArray:
-    """Return what shows a part (M, 2), without the strips beside a cut: they may be its neighbour's."""
+    """Return the readings (M, 2) of a part, without the strips beside a cut: they may be its neighbour's."""
     stretch = part.stretch
     found = np.column_stack([stretch.strips_x, part.sign * stretch.shown])
     if len(found) <= _FEW:
@@ -300,5 +300,5 @@ def _surely_shown(part: Part) -> FloatArray:
 
 
 def _strangeness(pieces: list[tuple[int, ...]], parts: list[Part]) -> int:
-    """Return how many pieces show one end only: of two covers the one with fewer is the plainer."""
+    """Return how many pieces show l alone or u alone: of two covers the one with fewer is preferred."""
     return sum(len({parts[i].side for i in piece}) == 1 for piece in pieces)
