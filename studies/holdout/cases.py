@@ -78,6 +78,11 @@ def pairs(random: np.random.Generator) -> Case:
     names = _choose(random, {("kh", "kl"): 0.6, ("k",): 0.2, ("kh",): 0.1, ("kl",): 0.1})
     if random.random() < 1 / 3:
         return single(random, str(random.choice(CONCAVE)), strips, names, half_width)
+    return pair(random, strips, names, half_width)
+
+
+def pair(random: np.random.Generator, strips: int, names: tuple[str, ...], half_width: float) -> Case:
+    """Draw two convex shapes apart that share two strips or more."""
     while True:
         unit = _unit(random, names, strips, strips, random.uniform(0.6, 1.6) * strips)
         size = np.array([unit.x[-1], unit.length])

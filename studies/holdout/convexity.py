@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.optimize import nnls
 from scipy.special import chdtrc  # scipy.stats takes half a second to import
@@ -14,8 +16,17 @@ _BORDER = 1e-4  # over L: how softly l and u are kept on the sensor
 _LAST_DAMPING = 1e12
 
 
-def best_convex(unit: Unit, read: Array, sigma: float, low: Array, high: Array) -> tuple[float, float]:
-    """Return the least chi square of readings (names, strips) over all convex outlines on the sensor, and its p.
+class BestConvex(NamedTuple):
+    """The least chi square of readings over convex outlines, its p, and where that outline lies [mm] (touched,)."""
+
+    chi_square: float
+    p: float
+    low: Array
+    high: Array
+
+
+def best_convex(unit: Unit, read: Array, sigma: float, low: Array, high: Array) -> BestConvex:
+    """Return the least chi square of readings (names, strips) over all convex outlines on the sensor.
 
     A convex l is a line plus hinges, c >= 0 each; the height w = u - l is a line with ends above 0 plus tents, c + d
     each, so that u has kinks of -d <= 0 and l <= u. Each step of Levenberg-Marquardt, begun from the convex outline
@@ -62,4 +73,5 @@ def best_convex(unit: Unit, read: Array, sigma: float, low: Array, high: Array) 
             least, at = new, tried
         if 0.0 < gain < _ENOUGH or damping > _LAST_DAMPING:
             break
-    return least, float(chdtrc(max(read[:, on].size - (4 if len(unit.names) > 1 else 3), 1), least))
+    freedom = max(read[:, on].size - (4 if len(unit.names) > 1 else 3), 1)
+    return BestConvex(least, float(chdtrc(freedom, least)), *np.split(at, 2))

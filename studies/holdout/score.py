@@ -108,7 +108,7 @@ def score_pairs(seed: int, mode: str, number: int) -> list[Row]:
     case = cases.pairs(cases.rng("pairs", seed, number))
     row = judged(case, fit(case.unit, case.unit.scan(case.read), told_noise(case), **MODES[mode]))
     read = np.clip(case.read, 0.0, 1.0)
-    row["p"] = best_convex(case.unit, read, case.unit.sigma(case.half_width), case.low, case.high)[1]
+    row["p"] = best_convex(case.unit, read, case.unit.sigma(case.half_width), case.low, case.high).p
     return [row]
 
 

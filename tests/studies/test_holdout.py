@@ -73,13 +73,13 @@ def test_convex_shapes_are_never_told_from_convex_ones_and_two_apart_are() -> No
     random = np.random.default_rng(3)
     for number in range(8):
         case = cases.regions(random, (12, 31))
-        chi_square, p = best_convex(*_readings(case))
+        chi_square, p, *_ = best_convex(*_readings(case))
         assert p > 0.01
         noise = (case.read - case.unit.read(case.low, case.high)) / case.unit.sigma(case.half_width)
         assert chi_square <= np.nansum(noise**2) + 1e-3, number  # of the truth, which is one of them
     left, right = box(20.0, 60.0, 60.0, 80.0), box(40.0, 10.0, 80.0, 30.0)
     low, high = UNIT.touched([left, right])
-    assert best_convex(UNIT, UNIT.read(low, high), 0.003, low, high)[1] < 1e-6
+    assert best_convex(UNIT, UNIT.read(low, high), 0.003, low, high).p < 1e-6
 
 
 def _readings(case: cases.Case) -> tuple[Unit, Array, float, Array, Array]:
