@@ -28,8 +28,20 @@ from studies.holdout.score import told_noise
 from studies.outlines import CONVEX, Case, case
 from studies.outlines import ONE as KINDS
 from tacstrip.arrays import FloatArray
+from tacstrip.core.outline_model import OutlineModel
+from tacstrip.geometry.outline import Outline
+from tacstrip.reconstruction.polygon.run import RunFit
 from tacstrip.reconstruction.posterior import assessment
-from tacstrip.reconstruction.posterior.assessment import ENOUGH_STRIPS, PROMISED_IOU, Doubts, Effort, doubts
+from tacstrip.reconstruction.posterior.assessment import (
+    ENOUGH_STRIPS,
+    PROMISED_IOU,
+    Doubts,
+    Effort,
+    doubts,
+    doubts_of_rounded,
+)
+from tacstrip.reconstruction.posterior.draws import Draws
+from tacstrip.reconstruction.posterior.rounded import RoundedDraws, RoundedOutline
 
 ONE = ("kh", "kl", "k")
 # Of outlines, by how much a case of each counts: nobody knows how often people press what is not convex.
@@ -48,12 +60,9 @@ class Judged:
     status: str
     confidence: float
     iou: float
-    doubts: Doubts | None = None  # of one signature, where it was assessed
-
-    @property
-    def judged(self) -> bool:
-        """Whether its confidence is what decides: of what the outline does not explain nothing is said."""
-        return self.doubts is not None and bool(np.isfinite(self.confidence))
+    # Of one signature where the confidence is what decides: doubts of the polygon or ellipse, and of its rounded
+    # rival, each with the IoU of that outline.
+    doubts: tuple[tuple[Doubts, float], ...] = ()
 
     @property
     def trusted(self) -> bool:
@@ -100,13 +109,20 @@ def of_family(family: str, seed: int, count: int) -> list[Case]:
 
 def judge(one: Case, effort: Effort, area: bool = False) -> Judged:
     """Fit a case and compare; `area`: knowing the object's area within 20 %."""
-    told: list[Doubts] = []
+    told: list[tuple[Doubts, float]] = []
 
-    def noted(*given: Any) -> Doubts:
-        told.append(doubts(*given))
-        return told[-1]
+    def note(doubt: Doubts, chains: tuple[FloatArray, FloatArray]) -> Doubts:
+        told.append((doubt, one.iou(Outline.held(*chains).vertices)))
+        return doubt
 
-    with mock.patch.object(assessment, "doubts", noted):
+    def noted(expected: float, run: RunFit, model: OutlineModel, *given: Any) -> Doubts:
+        return note(doubts(expected, run, model, *given), model.chains_mm(run.problem))
+
+    def noted_rounded(rounded: RoundedDraws, best: int, drawn: Draws, corners: float) -> Doubts:
+        outline = RoundedOutline.of(rounded, best, drawn.problem.lam)
+        return note(doubts_of_rounded(rounded, best, drawn, corners), outline.chains_mm(drawn.problem))
+
+    with mock.patch.multiple(assessment, doubts=noted, doubts_of_rounded=noted_rounded):
         known = float(one.truth.area) if area else None
         found = ts.fit_polygon(one.scan, one.sensor, one.told, assessment=effort, area_mm2=known).objects
     largest = max(found, key=lambda o: o.strips.stop - o.strips.start)
@@ -117,7 +133,7 @@ def judge(one: Case, effort: Effort, area: bool = False) -> Judged:
         largest.status,
         sure,
         one.iou(largest.vertices),
-        told[0] if len(told) == 1 else None,
+        tuple(told) if len(found) == 1 and np.isfinite(sure) else (),
     )
 
 
@@ -135,10 +151,10 @@ def fitted_odds(of: FloatArray, right: npt.NDArray[np.bool_], weight: FloatArray
 
 def odds_report(found: list[Judged], weight: Sequence[float]) -> list[str]:
     """Return the log odds that fit, by kind of doubts, as text."""
-    noted = [(f.doubts, f.iou >= PROMISED_IOU, w) for f, w in zip(found, weight, strict=True) if f.judged]
+    noted = [(d, iou >= PROMISED_IOU, w) for f, w in zip(found, weight, strict=True) for d, iou in f.doubts]
     lines = []
-    for kind in dict.fromkeys(d.kind for d, *_ in noted if d is not None):
-        some = [(d.terms, right, w) for d, right, w in noted if d is not None and d.kind == kind]
+    for kind in dict.fromkeys(d.kind for d, *_ in noted):
+        some = [(d.terms, right, w) for d, right, w in noted if d.kind == kind]
         of, right, weights = (np.array(v) for v in zip(*some, strict=True))
         odds = ", ".join(f"{o:.3f}" for o in fitted_odds(of, right, weights))
         lines += [f"  log odds, {kind} ({len(some)}): {odds}"]

@@ -12,7 +12,6 @@ import numpy as np
 from tacstrip.arrays import FloatArray
 from tacstrip.core.ellipse import Ellipse
 from tacstrip.core.outline_model import OutlineModel
-from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.core.posterior import vertex_counts
 from tacstrip.core.swept_area import NEARLY_ALL, swept_areas, swept_share
 from tacstrip.errors import OptionError, one_of
@@ -37,12 +36,13 @@ _KEPT = {"thorough": 240, "fast": 100}
 _RATHER_WRONG, _BETTER = 0.5, 0.1  # an estimate less sure than this is given up for one that is so much surer
 # With one signature: log odds of being right, by kind of `doubts`, whose terms these go with. `studies/confidence.py`
 # fits them, but for that of an ellipse at the border (the fourth of its kinds).
-_FEW, _POLYGON, _ELLIPSE, _RIVALS = "few strips", "polygon", "ellipse", ", rivals"
+_FEW, _POLYGON, _ELLIPSE, _ROUNDED, _RIVALS = "few strips", "polygon", "ellipse", "rounded", ", rivals"
 _ODDS: dict[str, dict[str, tuple[float, ...]]] = {
     "thorough": {
         _FEW: (-2.307, 1.368, 0.4, -0.211),
         _POLYGON + _RIVALS: (-1.388, 0.919, -0.353, -2.049, -32.46, 0.271, 0.895),
         _ELLIPSE + _RIVALS: (-7.554, 1.999, 1.112, -3.0, -2.016, 2.184, 0.512),
+        _ROUNDED: (-4.503, 1.244, -0.310, 0.718, 0.185),
         _POLYGON: (-1.957, 1.436, -0.346, -1.141, -30.5),
         _ELLIPSE: (-8.726, 2.087, 1.242, -3.0, -1.243),
     },
@@ -56,10 +56,6 @@ _PLAIN, _MANY = 5, 7  # corners that are no doubt, and how many more of them cou
 _LEAST = 0.02  # expected IoU that none counts as
 _MISFITS = (0.5, 300.0)  # of the best rounded outline, beyond which it tells no more
 _SQUARES = (0.3, 3.0)  # of the residuals a degree of freedom, likewise
-# A rounded outline takes the place of one of many corners that the draws are sure of, which takes some: if so many
-# rounded ones agree and leave no more of a reading than this, squared over sigma^2. Never sure enough for "ok": of
-# families that are none of these (lenses, Reuleaux triangles) it is the likelier outline, but often a wrong one.
-_SURE_OF, _AGREE, _EXPLAINS, _TRUSTED = 0.6, 0.95, 1.5, 0.6
 _SHORT = (
     0.4  # at most, where the readings hold another count than was given: a third of the surer ones are right
 )
@@ -141,17 +137,11 @@ def assess(
     confidence = float(own @ drawn.weight)
     better: OutlineModel | None = None
     every = column_iou(drawn.ends[:, None], drawn.ends[None])
-    rounded, best, agree = None, 0, 0.0
+    rounded = None
     free = area_mm2 is None and known_count is None
     if one and effort == "thorough" and free and run.problem.x.size >= ENOUGH_STRIPS:
         rounded = draw_rounded(drawn.problem, drawn.window, drawn.x, ends)
-        best, agree = rounded.commonest(PROMISED_IOU)
-    many = isinstance(run.model, PolygonFit) and len(outline.vertices) > _PLAIN and confidence > _SURE_OF
-    if rounded is not None and many and rounded.misfit < _EXPLAINS and agree > _AGREE:
-        better = RoundedOutline.of(rounded, best, drawn.problem.lam)
-        own = drawn.overlap(rounded.ends[best]) >= PROMISED_IOU
-        confidence = _TRUSTED * agree
-    elif one:
+    if one:
         fitting = drawn.fitting(known_count)
         short = known_count is not None and len(outline.vertices) != known_count
         told = area_mm2 is not None or short  # what the fit does not know, or does not keep to
@@ -171,6 +161,12 @@ def assess(
         told_by = doubts(expected, run, better or run.model, corners, ends, drawn.at_border, rounded, faults)
         confidence = told_by.probability(effort)
         confidence = min(confidence, _SHORT) if short else confidence
+        if rounded is not None and not isinstance(better or run.model, Ellipse):
+            best = rounded.commonest()
+            told_by = doubts_of_rounded(rounded, best, drawn, corners)
+            if (surer := told_by.probability(effort)) > confidence + _BETTER:
+                confidence, better = surer, RoundedOutline.of(rounded, best, drawn.problem.lam)
+                own = drawn.overlap(rounded.ends[best]) >= PROMISED_IOU
     # Chi square of the better half of the draws; that of normal errors exceeds its mean by 3.5 deviations in .02 %.
     readings = drawn.problem.readings
     allowed = readings + _ALARM * np.sqrt(2.0 * readings)
@@ -256,14 +252,31 @@ def doubts(
         of = [1.0, odds, many, height, left_out]
     if rounded is not None:
         kind += _RIVALS
-        misfit = math.log(min(max(rounded.misfit, _MISFITS[0]), _MISFITS[1]))
-        of += [misfit, _log_odds(float(rounded.weight @ column_iou(rounded.ends, ends)))]
+        of += [_misfit(rounded), _log_odds(float(rounded.weight @ column_iou(rounded.ends, ends)))]
     return Doubts(kind, np.array(of))
+
+
+def doubts_of_rounded(rounded: RoundedDraws, best: int, drawn: Draws, corners: float) -> Doubts:
+    """Return what tells whether one of the rounded outlines is right.
+
+    How well others overlap it, what they leave of the readings, whether polygons and ellipses drawn overlap it, and how
+    many `corners` these take on average: what is rounded takes many.
+    """
+    among, across = rounded.overlap(best) @ rounded.weight, drawn.overlap(rounded.ends[best]) @ drawn.weight
+    many = min(corners, _PLAIN + _MANY) - _PLAIN
+    return Doubts(
+        _ROUNDED,
+        np.array([1.0, _log_odds(float(among)), _misfit(rounded), _log_odds(float(across)), many]),
+    )
 
 
 def few_strips(run: RunFit) -> bool:
     """Whether the fit is of so few strips that "ok" asks for more."""
     return run.problem.x.size < ENOUGH_STRIPS
+
+
+def _misfit(rounded: RoundedDraws) -> float:
+    return math.log(min(max(rounded.misfit, _MISFITS[0]), _MISFITS[1]))
 
 
 def _log_odds(share: float) -> float:

@@ -126,14 +126,13 @@ class RoundedDraws:
     misfit: float
     ends: FloatArray
 
-    def share(self, ends: FloatArray, least: float) -> float:
-        """Return the weight of outlines that overlap l and u (2, G) by an IoU of `least` or more."""
-        return float(self.weight @ (column_iou(self.ends, ends) >= least))
+    def overlap(self, which: int) -> FloatArray:
+        """Return intersection over union (K,) of all with one."""
+        return column_iou(self.ends, self.ends[which])
 
-    def commonest(self, least: float) -> tuple[int, float]:
-        """Return the outline that most others overlap by `least`, and their weight."""
-        shares = (column_iou(self.ends[:, None], self.ends[None]) >= least) @ self.weight
-        return int(np.argmax(shares)), float(shares.max())
+    def commonest(self) -> int:
+        """Return the outline that the others overlap best."""
+        return int(np.argmax(column_iou(self.ends[:, None], self.ends[None]) @ self.weight))
 
 
 @dataclass(frozen=True, eq=False)
