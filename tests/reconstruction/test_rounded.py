@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import shapely
 
 import tacstrip as ts
 from tacstrip.core.binding import exported
 from tacstrip.core.problem import FitProblem
+from tacstrip.reconstruction.posterior.assessment import ENOUGH, ENOUGH_OF_ONE
 from tacstrip.reconstruction.posterior.rounded import RoundedOutline, _library, draw_rounded
 
 SENSOR = ts.Sensor(construction="crs-m", strips=40, pitch_mm=2.5, length_mm=100.0)
@@ -45,6 +47,24 @@ def test_a_rounded_square_of_one_signature_is_recovered() -> None:
     assert found.covariance is not None
     assert "looks rounded" in found.advice
     assert found.confidence + sum(a.weight for a in found.alternatives) < 1.0 + 1e-9
+
+
+@needs_core
+@pytest.mark.parametrize(("signature", "status"), [("kl", "ok"), ("kh", "doubtful")])
+def test_a_rounded_outline_is_ok_only_where_it_is_surer_than_a_polygon_need_be(
+    signature: str, status: str
+) -> None:
+    stadium = np.array(shapely.LineString([(30, 40), (70, 55)]).buffer(18, quad_segs=24).exterior.coords)[:-1]
+    sensor = ts.Sensor(construction="crs-crs", strips=40, pitch_mm=2.5, length_mm=100.0)
+    scan = ts.simulate(sensor, ts.Contact.polygon(stadium), NOISE, rng=1)
+    one = ts.Scan(kh=scan.kh) if signature == "kh" else ts.Scan(kl=scan.kl)
+    found = ts.fit_polygon(one, sensor, NOISE).objects[0]
+    assert found.model is RoundedOutline
+    assert ts.mismatch(stadium, found.vertices).iou > 0.9
+    assert found.status == status
+    assert found.confidence is not None
+    assert found.confidence > ENOUGH_OF_ONE["thorough"]
+    assert (found.confidence >= ENOUGH) == (status == "ok")
 
 
 @needs_core
