@@ -28,7 +28,7 @@ _LEVELS = (
 )
 _LEVEL = re.compile(rf"{_LEVELS}[\s:|-]\s*")
 _LEVEL_FIRST = re.compile(rf"\A\s*{_LEVELS}\s*[:|-]?\s*(?=[\[(\d])")  # before a time, as ROS writes
-_NODE = re.compile(r"\[[A-Za-z][\w./-]*\]:?\s+")
+_NODE = re.compile(r"\[[A-Za-z][\w./-]*\]:?\s+(?:-\s+)?")
 # Such as "[001200] " or "I (1200) ".
 _COUNTED = re.compile(r"\s*(?:[A-Z]\s)?[\[(]\s*(?P<stamp>\d+(?:\.\d+)?)\s*[\])]:?\s*(?=\S)")
 _BETWEEN = r"[,;|\s]+"
