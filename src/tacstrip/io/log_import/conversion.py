@@ -32,7 +32,7 @@ _RATIO_ALONE = re.compile(
     r"(?<![\w.,:/=[])(?:1 ?[:/] ?(?!1\b)\d{1,3}|(?!1\b)\d{1,3} ?: ?1)(?![\w.,:/]*\d)|(?<![\d\s])\s?[\u00d7\u00f7] ?\d"
 )
 _COUNTED = re.compile(
-    r"page|seite|pagina|p\u00e1gina|strona|teil|part\b|partie|parte|cz\u0119\u015b|run\b|versuch|essai|prova|prueba|pr\u00f3ba|pokus"
+    r"\busing\b|page|seite|pagina|p\u00e1gina|strona|teil|part\b|partie|parte|cz\u0119\u015b|run\b|versuch|essai|prova|prueba|pr\u00f3ba|pokus"
     r"|test|file|datei|fichier|plik|blatt|sheet|slot|chunk|block|batch|trial|take|mesure|messung|probe|\bfw|version|\bs/n"
     r"|every|jede|\u7b2c|\u9875|\u30da\u30fc\u30b8|downsampl|decimat|octave|gear|ratio of|ms\b|\bs\b|Hz",
     re.IGNORECASE,

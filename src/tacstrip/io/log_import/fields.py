@@ -65,6 +65,7 @@ def is_prose(line: str, names: frozenset[str] | set[str] = frozenset()) -> bool:
     >>> is_prose("min 0.312 V, max 2.950 V over 14 scans", {"time", "v"})  # a unit behind a number is no name
     True
     """
+    line = re.sub(STAMP, "", line, count=1)
     words = [w.casefold() for w in re.findall(r"[^\W\d_]+", _MEASURED.sub("0", line))]
     long = [w for w in words if len(w) > 2 and not says_nothing(w)]
     digits = sum(c.isdigit() for c in line)

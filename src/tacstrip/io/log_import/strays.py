@@ -58,7 +58,7 @@ def form_of(line: str) -> str:
     line = _COMMA_WITHIN.sub(".", line) if _BETWEEN.search(line) else line
     line = re.sub(r"\d+", "0", _NUMBER.sub("0", " ".join(line.split())))
     line = _WORD.sub(lambda m: "0" if m[0][0] in "*+" or says_nothing(m[0]) else m[0], line)
-    return re.sub(r"(?<=[,;|])(?=[,;|]|\Z)", "0", line)
+    return re.sub(r"(?<=[,;|\s])(?=[,;|]|\Z)", "0", line)
 
 
 def stray_lines(text: str) -> list[frozenset[int]]:

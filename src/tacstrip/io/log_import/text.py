@@ -67,6 +67,7 @@ _VALUE = r"[+-]?(?:\d+\.?\d*|\.\d+)|nan|NaN|NA|OL|x{1,3}|-{1,3}|\."
 _PAIRED = re.compile(
     rf"(?<![\w./:(-])\(?({_VALUE})\s?(?:/|,\s?(?=[^()]{{0,999}}\))|:)\s?({_VALUE})\)?(?![\w./:-])"
 )
+_COMMA_PAIR = re.compile(rf"(?<=[;|\t])\s*({_VALUE})\s?,\s?({_VALUE})\s*(?=([;|\t])|\Z)")
 _TOPIC = re.compile(r"([A-Za-z][\w.-]*(?:/[\w.-]+)+)\s+(\S+)")
 _RULE = re.compile(r"[\s\-=+|~*_:]+")  # a line drawn below names
 _HALF_WIDTH = {c: c - 0xFEE0 for c in range(0xFF01, 0xFF5F)}  # of East Asian full-width letters and digits
@@ -87,6 +88,7 @@ _ENDLESS = re.compile(r"(?<!\w)\w{10000}|[\[({]{1000}")  # the time of many patt
 
 def of_text(text: str, path: str | Path = "the log") -> Table:
     """Return a text as a table in normal form; errors as of `read_table`."""
+    text = _LINE_END.sub("", text)
     if endless := _ENDLESS.search(text):
         raise ReadingError(
             f"{path}: line {text.count(chr(10), 0, endless.start()) + 1}: {len(endless.group())} characters and more "
@@ -124,7 +126,7 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     """Return a text as a table in normal form, as if some of its lines were not there."""
     if (dumped := of_hex_bytes(without(text, strays))) is not None:
         return in_normal_form(dumped)
-    text = without_boxes(of_system_log(_LINE_END.sub("", _FORTRAN.sub(r"\1E\2", _SCALAR.sub(r"\1", text)))))
+    text = without_boxes(of_system_log(_FORTRAN.sub(r"\1E\2", _SCALAR.sub(r"\1", text))))
     text, bounds = _BOUND.subn(r"\1", without_thousands(_THOUSANDS.sub("", of_pandas(without(text, strays)))))
     text, messages = without_messages(
         _COLOUR.sub("", plain_rows(of_displayed_scans(without(text, strays)).translate(_HALF_WIDTH)))
@@ -215,6 +217,10 @@ def _of_topics(lines: list[tuple[int, str]]) -> list[tuple[int, str]]:
 
 def _in_pairs(lines: list[tuple[int, str]]) -> list[tuple[int, str]]:
     """Return lines with spaces, or what else stands between fields, in pairs of values such as 512/300 or (2.5,1.1)."""
+    parted = [(i, _COMMA_PAIR.sub(lambda m: f"{m[1]}{m[3] or ';'}{m[2]}", line)) for i, line in lines]
+    halves = sum(a != b and "." in a[1] for a, b in zip(lines, parted, strict=True))
+    if halves > STEADY * len(lines) and any(re.search(r"\d\.\d+,\s?\d+\.\d", line) for _, line in lines):
+        return parted
     many = Counter(len(_PAIRED.findall(line)) for _, line in lines)
     usual, often = many.most_common(1)[0]
     if usual < 2 or often < STEADY * sum(bool(re.search(r"\d", line)) for _, line in lines):
