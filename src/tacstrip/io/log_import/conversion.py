@@ -147,6 +147,8 @@ def _set_to_one(line: str, lines: Sequence[str]) -> bool:
     at = [n for n, name in enumerate(names) if _SCALED.search(name)]
     rows = [text.split("\t") for text in lines[lines.index(line) + 1 :]]
     rows = [row for row in rows if len(row) == len(names) > _FEW_SETTINGS]
+    forms = [re.sub(r"\d+", "0", row[0]) for row in rows]  # of channels; names may follow
+    rows = [row for row, form in zip(rows, forms, strict=True) if form == forms[0]]
     told = {row[n].strip().casefold() for row in rows for n in at}
     return bool(told) and told <= _NO_FACTOR and not re.search(r"\d", line)
 

@@ -197,12 +197,12 @@ def _told(table: Table, strays: frozenset[int], texts: dict[int, str]) -> Table:
     """Return a table that says which lines were set aside: broken, if they may hold readings."""
     first, last = min(table.lines, default=0), max(table.lines, default=0)
     words = {w.casefold() for name in table.names for w in re.findall(r"[^\W\d_]+", name)}
-    rows = {_shape(texts[n]) for n in table.lines if n in texts}
+    rows = {shape for n in table.lines if n in texts and (shape := _shape(texts[n]))[1]}
     there = sorted(strays)
     broken = [
         n for n in there
         if re.search(r"\d", texts[n]) and not is_prose(texts[n], words)
-        and (n > first or _is_row_of_numbers(texts[n], len(table.names)) or _shape(texts[n]) in rows - {""})
+        and (n > first or _is_row_of_numbers(texts[n], len(table.names)) or _shape(texts[n]) in rows)
     ]  # fmt: skip
     # The log ends within a line, if only before its first number.
     broken += [n for n in there if n == max(texts) and n not in broken and any(
@@ -235,9 +235,10 @@ def _of_lost_names(table: Table, above: list[int], texts: dict[int, str]) -> lis
     return []
 
 
-def _shape(line: str) -> str:
-    """Return the form of a line that begins with a number, any of its words taken for one; "" of others."""
-    return _WORD.sub("0", form_of(line)) if re.match(r"\W*\d", line) else ""
+def _shape(line: str) -> tuple[str, int]:
+    """Return what separates the fields of a line that begins with a number, and how often; 0 of another line."""
+    by = next((mark for mark in "\t;|, " if mark in line.strip()), "")
+    return by, line.count(by) if by and re.match(r"\W*\d", line) else 0
 
 
 def _is_row_of_numbers(line: str, columns: int) -> bool:

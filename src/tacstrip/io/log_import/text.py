@@ -219,7 +219,9 @@ def _in_pairs(lines: list[tuple[int, str]]) -> list[tuple[int, str]]:
     """Return lines with spaces, or what else stands between fields, in pairs of values such as 512/300 or (2.5,1.1)."""
     parted = [(i, _COMMA_PAIR.sub(lambda m: f"{m[1]}{m[3] or ';'}{m[2]}", line)) for i, line in lines]
     halves = sum(a != b and "." in a[1] for a, b in zip(lines, parted, strict=True))
-    if halves > STEADY * len(lines) and any(re.search(r"\d\.\d+,\s?\d+\.\d", line) for _, line in lines):
+    if halves > STEADY * sum(bool(re.search(r"\d", line)) for _, line in lines) and any(
+        re.search(r"\d\.\d+,\s?\d+\.\d", line) for _, line in lines
+    ):
         return parted
     many = Counter(len(_PAIRED.findall(line)) for _, line in lines)
     usual, often = many.most_common(1)[0]
