@@ -14,7 +14,7 @@ from tacstrip.io.log_import.strays import numbered
 from tacstrip.io.log_import.table import CLOCK, Table
 
 _COUNTED = re.compile(
-    r"[\W_]*(?P<word>[^\W\d_]+(?:\s[^\W\d_]+)?)[\s#.:=_(\[-]{0,3}(?P<count>\d{1,5})(?![\w.,]*\d)(?P<rest>.*)"
+    r"[\W_]*?(?P<word>[^\W\d_]+(?:\s[^\W\d_]+)?|#)[\s#.:=_(\[-]{0,3}(?P<count>\d{1,5})(?![\w.,]*\d)(?P<rest>.*)"
 )
 _TIME = re.compile(
     r"(?:(?:\bt(?:ime)?\s*[=:]?|\bat|@|\bbei|\bnach|\bafter|\b\u00e0|\ba los)"
@@ -57,17 +57,31 @@ def with_announced(table: Table, text: str, read: Callable[[str], Table]) -> Tab
         other = read("\n".join(plain.get(n, line) for n, line in lines.items()))
     except ReadingError:
         other = table
+    first, every = min(labels), {*table.lines}
+    torn = {
+        n for n in (every | {*other.broken}) - {*other.lines} if n < first
+    }  # the log begins within a scan
+    torn = torn if len(torn) * len(labels) < len(every) else set()
     if (
         {*lost} <= {*other.lines}
-        and {*table.lines} <= {*other.lines}
-        and not {*other.broken} - {*table.broken}
+        and every - torn <= {*other.lines}
+        and not {*other.broken} - {*table.broken} - torn
     ):
         word = next(iter(labels.values()))["word"]
         return replace(
             other,
+            broken=tuple(n for n in other.broken if n not in torn),
             remarks=(
                 *other.remarks,
                 f"{word!r} with a number, on line(s) {_shown(sorted(labels))}: a scan each",
+            ),
+            doubts=(
+                *other.doubts,
+                *(
+                    [f"line(s) {_shown(sorted(torn))}: above the first {word!r} with a number; left out"]
+                    if torn
+                    else []
+                ),
             ),
         )
     if not lost:
@@ -99,7 +113,7 @@ def _labels(table: Table, text: str) -> _Labels:
         said = meaning(word)
         if (
             len(labels) >= _FEW
-            and counts[0] in (0, 1)
+            and ((counts[0] in (0, 1) and word != "#") or _tell_times(labels))
             and all(b == a + 1 for a, b in pairwise(counts))
             and said.role in ("", "scan")
             and not said.channel

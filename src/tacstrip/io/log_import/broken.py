@@ -56,7 +56,7 @@ def _at_the_end(table: Table, lines: list[int]) -> bool:
             bool(re.match(r"[^,;\t|]", quotes[0])) and not label and GARBLED not in quotes[0]
         )  # what is cut has its first field
         return begun and _values_of(quotes[0]) <= _usual(table)
-    return len(lines) <= _MOST_BELOW and all(q and not re.match(r"[\s|;,\"']*[-+]?\.?\d", q) for q in quotes)
+    return len(lines) <= _MOST_BELOW and all(q and not re.match(r"[\W_]*\d", q) for q in quotes)
 
 
 def _is_foreign(table: Table, line: int) -> bool:

@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from tacstrip.io.log_import import conversion
+from tacstrip.io.log_import.fields import STAMP
 from tacstrip.io.log_import.jumps import jump_of_all
 from tacstrip.io.log_import.names import UNITS, meanings
 from tacstrip.io.log_import.questions import Clues
@@ -44,6 +45,7 @@ _OF_CONTACT = re.compile(
     rf"|{any_of('which')}(?=\s*(?:[,;.!]|\Z)))",
     re.IGNORECASE,
 )
+_STAMP = rf"\A\s*[\[(]?{STAMP}[\])]?\s*(?:->|=>|[>|:])?\s*"  # what a monitor puts before a line
 _FEW_WORDS = 3  # of fewer, no change is told
 _OFTEN = 0.1  # of the lines: what stands on more is of the log's form
 _BANNER = 4.0  # lines: as many a program may print as it starts
@@ -135,7 +137,8 @@ def _inner(text: str, lines: Sequence[int]) -> tuple[list[tuple[int, str]], set[
 
 def _plain(line: str) -> str:
     """Return what a line says, however it is marked and its numbers are written."""
-    said = re.sub(r"\d+(?:[.,]\d+)?", lambda m: f"{float(m[0].replace(',', '.')):g}", line[:_READ])
+    said = re.sub(_STAMP, "", line[:_READ], count=1)
+    said = re.sub(r"\d+(?:[.,]\d+)?", lambda m: f"{float(m[0].replace(',', '.')):g}", said)
     return " ".join(said.casefold().lstrip("#%/!; ").split())
 
 

@@ -16,6 +16,8 @@ _CLOCK_PARTS = (
     r"ms|millis(?:econds?)?|msec",
 )  # fmt: skip
 
+_FEW, _LONG = 2, 6  # columns; digits of a part of a second: more are of nanoseconds
+
 
 def of_day_and_clock(table: Table) -> Table:
     """Put dates that stand in a column of their own, and are not all one, before the times of day."""
@@ -82,6 +84,15 @@ def of_one_clock(table: Table) -> Table:
 
 def of_two_numbers(table: Table) -> Table:
     """Put nanoseconds that stand in a column of their own behind the seconds, as ROS writes a time."""
+    first = table.names[:2] if not table.named and len(table.names) > _FEW else ()
+    if first and all(re.fullmatch(r"1\d{9}", f) for f in table.column(first[0])):
+        rest = table.column(first[1])
+        if all(re.fullmatch(r"\d{1,9}", f) for f in rest) and any(len(f) > _LONG for f in rest):
+            columns = {n: table.column(n) for n in table.names if n != first[1]}
+            columns[first[0]] = [f"{a}{b:0>9}" for a, b in zip(columns[first[0]], rest, strict=True)]
+            return table.with_columns(
+                columns, f"{first[0]} and {first[1]}: seconds since 1970 and nanoseconds"
+            )
     parts = {
         n: m for n in table.names if (m := re.fullmatch(r"(.*?)n(?:ano)?_?sec(?:ond)?s?", n, re.IGNORECASE))
     }

@@ -18,7 +18,13 @@ from tacstrip.io.log_import.names import (
     numbered_groups,
 )
 from tacstrip.io.log_import.questions import Clues
-from tacstrip.io.log_import.roles import channel_column, scan_column, strip_column, time_column
+from tacstrip.io.log_import.roles import (
+    channel_column,
+    scan_column,
+    strip_column,
+    time_column,
+    with_time_by_unit,
+)
 from tacstrip.io.log_import.senders import ask_for_sensor
 from tacstrip.io.log_import.table import CLOCK, PART, ROW
 from tacstrip.io.log_import.unnamed import (
@@ -184,6 +190,7 @@ def _find(clues: Clues, known: dict[str, Meaning]) -> Columns:
     given = {name: clues.answers[name] for name in clues.table.names if name in clues.answers}
     which = channel_column(clues, known)
     known = {n: Meaning("which") if n == which else m for n, m in known.items()}
+    known = with_time_by_unit(clues, known)
     time = time_column(clues, known)
     scan = scan_column(clues, known, time)
     wide = [n for n, m in known.items() if m.role == "reading" and m.strip is not None]

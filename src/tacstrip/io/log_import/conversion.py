@@ -5,7 +5,7 @@ from __future__ import annotations
 import bisect
 import math
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -32,7 +32,7 @@ _RATIO_ALONE = re.compile(
     r"(?<![\w.,:/=[])(?:1 ?[:/] ?(?!1\b)\d{1,3}|(?!1\b)\d{1,3} ?: ?1)(?![\w.,:/]*\d)|(?<![\d\s])\s?[\u00d7\u00f7] ?\d"
 )
 _COUNTED = re.compile(
-    r"page|seite|pagina|p\u00e1gina|strona|teil|part\b|partie|parte|cz\u0119\u015b|run\b|versuch|essai|prova|prueba|pr\u00f3ba|pokus"
+    r"\busing\b|page|seite|pagina|p\u00e1gina|strona|teil|part\b|partie|parte|cz\u0119\u015b|run\b|versuch|essai|prova|prueba|pr\u00f3ba|pokus"
     r"|test|file|datei|fichier|plik|blatt|sheet|slot|chunk|block|batch|trial|take|mesure|messung|probe|\bfw|version|\bs/n"
     r"|every|jede|\u7b2c|\u9875|\u30da\u30fc\u30b8|downsampl|decimat|octave|gear|ratio of|ms\b|\bs\b|Hz",
     re.IGNORECASE,
@@ -56,6 +56,8 @@ _NUMBER = r"\d+(?:\.\d+)?"
 _ALONE = re.compile(rf"(?<![\w.])(?:[x\u00d7] ?)?({_NUMBER})(?![\w.]*\d)")
 _RATIO = re.compile(rf"(?<![\w.])({_NUMBER}) ?[:/] ?({_NUMBER})(?![\w.])")
 _OHMS = re.compile(rf"(?<![\w.])({_NUMBER}) ?[kKM]?(?:[Oo]hms?\b|\u03a9|\u2126|(?<=[kM])\b)")  # of a divider
+_NO_FACTOR = frozenset({"", "1", "1.0", "1.00", "no", "off", "none", "false", "-"})
+_FEW_SETTINGS = 3  # of a channel
 _LONGEST = 100  # characters of a line that are quoted
 _RESOLUTION = re.compile(r"analogReadResolution\((\d+)\)|\b(\d{1,2})[\s_-]?bits?\b", re.IGNORECASE)
 _OF_TIME = re.compile(r"time|clock|count(?:er|ing)|tick|baud|float", re.IGNORECASE)
@@ -119,6 +121,8 @@ def factor(clues: Clues) -> float:
             continue
         if not (_SCALED.search(text) or _ratio_alone(line)) or _OVER_VREF.search(text):
             continue
+        if _set_to_one(line, clues.table.preamble):
+            continue
         ratios = [float(a) / float(b) for a, b in _RATIO.findall(text) if float(a) and float(b)]
         ohms = [float(n) for n in _OHMS.findall(text) if float(n)]
         ratios += [sum(ohms) / r for r in ohms] if len(ohms) == 2 else []
@@ -135,6 +139,18 @@ def factor(clues: Clues) -> float:
             "1", *shown,
         )  # fmt: skip
     return 1.0
+
+
+def _set_to_one(line: str, lines: Sequence[str]) -> bool:
+    """Return whether a line names the columns of a logger's settings, and all factors below are 1, off or empty."""
+    names = line.split("\t")
+    at = [n for n, name in enumerate(names) if _SCALED.search(name)]
+    rows = [text.split("\t") for text in lines[lines.index(line) + 1 :]]
+    rows = [row for row in rows if len(row) == len(names) > _FEW_SETTINGS]
+    forms = [re.sub(r"\d+", "0", row[0]) for row in rows]  # of channels; names may follow
+    rows = [row for row, form in zip(rows, forms, strict=True) if form == forms[0]]
+    told = {row[n].strip().casefold() for row in rows for n in at}
+    return bool(told) and told <= _NO_FACTOR and not re.search(r"\d", line)
 
 
 def _ratio_alone(line: str) -> bool:

@@ -13,6 +13,7 @@ from tacstrip.io.log_import.names import (
     CHANNELS,
     IN_VOLTS,
     Meaning,
+    end_beside,
     meanings,
     pair_of,
 )
@@ -71,6 +72,8 @@ def ends_of_columns(
                 "out",
             )
         chosen = dict.fromkeys(readings, "out")
+    elif len(kinds) == 2 and (lack := end_beside(kinds)):
+        chosen = {n: m.channel if m.channel in ("h", "l") else lack for n, m in readings.items()}
     elif kinds <= {"h", "l"}:
         chosen = {n: m.channel for n, m in readings.items()}
         if len(kinds) == 1 and clues.expected == ("h", "l") and left:

@@ -28,7 +28,7 @@ _LEVELS = (
 )
 _LEVEL = re.compile(rf"{_LEVELS}[\s:|-]\s*")
 _LEVEL_FIRST = re.compile(rf"\A\s*{_LEVELS}\s*[:|-]?\s*(?=[\[(\d])")  # before a time, as ROS writes
-_NODE = re.compile(r"\[[A-Za-z][\w./-]*\]:?\s+")
+_NODE = re.compile(r"\[[A-Za-z][\w./-]*\]:?\s+(?:-\s+)?")
 # Such as "[001200] " or "I (1200) ".
 _COUNTED = re.compile(r"\s*(?:[A-Z]\s)?[\[(]\s*(?P<stamp>\d+(?:\.\d+)?)\s*[\])]:?\s*(?=\S)")
 _BETWEEN = r"[,;|\s]+"
@@ -45,9 +45,12 @@ _QUERIED = re.compile(
 )  # psql, of its own
 _R_ROW = re.compile(r"\s*\[\d+,\](?=\s)")  # before the rows of a matrix that R prints
 _BRACKETED = re.compile(r"\s*[\[({](.*)[\])}]\s*[,;]?\s*")  # a line such as "(20, [1, 2])"
+_FRAMED = re.compile(r"\s*/\*\s*\$?(.*?)\s*\*/\s*")  # as the frames of Serial Studio
 _PREFIX = re.compile(r"\s*(?:[A-Za-z]+:|-)\s+(?=[-+.\d])")  # such as "RX: " before the fields of each line
 _NAMED = re.compile(r"[^\W\d]\w*\s*[:=]")  # the name of what follows in a line
-_CHECKED = re.compile(r"\*[\dA-Fa-f]{2}\s*\Z")  # the checksum of a sentence as of NMEA
+_CHECKED = re.compile(
+    r"\*(?:[\dA-Fa-f]{2}|checksum|crc|cs|xx|hh)\s*\Z", re.IGNORECASE
+)  # of a sentence as of NMEA
 _ESP_IDF = re.compile(
     r"(?m)^[EWIDV] \(\d+\) [\w.-]+: "
 )  # of which the manual says that it counts milliseconds
@@ -161,6 +164,8 @@ def bare(lines: Lines) -> Lines:
     """Return lines without what stands around the fields of nearly all: a word, brackets, a checksum, a number."""
     if sum(bool(_CHECKED.search(line)) for _, line in lines) > STEADY * len(lines):
         lines = [(i, _CHECKED.sub("", line)) for i, line in lines]
+    if sum(_FRAMED.fullmatch(line) is not None for _, line in lines) > STEADY * len(lines):
+        lines = [(i, _FRAMED.sub(r"\1", line)) for i, line in lines]
     lines = _without_prefix(lines)
     if sum(bool(_R_ROW.match(line)) for _, line in lines) > _MOSTLY * len(lines):
         lines = [(i, _R_ROW.sub("", line)) for i, line in lines if not line.startswith("> ")]

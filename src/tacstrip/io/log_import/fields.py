@@ -20,7 +20,9 @@ _NUMBER = re.compile(r"([+-]?)\s*(0x[\da-f]+|[\d.,' ]*\d[.,]?)(e[+-]?\d+)?\s*([a
 _MEASURED = re.compile(
     rf"\d\s?(?:{'|'.join(u for u in UNITS if len(u) < 3 and u.isalpha())})\b", re.IGNORECASE
 )
-_OVER = re.compile(r"[+-]?9\.9[01]?0*[eE]\+?37(?:\s?V)?")  # what SCPI instruments send above their range
+_OVER = re.compile(
+    r"[+-]?\d(?:\.\d*)?[eE]\+?(?:[3-9]\d|\d{3})(?:\s?V)?"
+)  # what instruments send above their range
 _DAY_S = 86400.0
 _GARBLED_RUN = 2.5  # letters beyond ASCII next to each other, in the mean
 _GROUPED = re.compile(r"(?<=\d)[ '\u2009\u202f\xa0](?=\d{3}(?!\d))")
@@ -63,6 +65,7 @@ def is_prose(line: str, names: frozenset[str] | set[str] = frozenset()) -> bool:
     >>> is_prose("min 0.312 V, max 2.950 V over 14 scans", {"time", "v"})  # a unit behind a number is no name
     True
     """
+    line = re.sub(STAMP, "", line, count=1)
     words = [w.casefold() for w in re.findall(r"[^\W\d_]+", _MEASURED.sub("0", line))]
     long = [w for w in words if len(w) > 2 and not says_nothing(w)]
     digits = sum(c.isdigit() for c in line)

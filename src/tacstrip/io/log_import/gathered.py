@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import re
 from collections import Counter
@@ -23,6 +24,8 @@ _SAMPLE = 200  # lines that tell whether all are of a kind
 
 def named_values(lines: list[tuple[int, str]]) -> Table | None:
     """Return lines that name their values as a table; None where the log is none of that kind."""
+    with contextlib.suppress(ReadingError):  # raised below where the log is of this kind
+        lines = _with_points(lines)
     lines, unknown = with_names_of_nothing(lines)
     if len(lines) > _SAMPLE and named_values(lines[:_SAMPLE]) is None:
         return None
@@ -56,7 +59,7 @@ def _pairs(found: Sequence[Item]) -> bool:
 def _with_points(lines: list[tuple[int, str]]) -> list[tuple[int, str]]:
     """Return lines with decimal points where they have decimal commas; `ReadingError` where these may be lists."""
     pairs = [p for _, line in lines for p in _COMMA.findall(line)]
-    if not pairs or any(re.search(r"\d\.\d|\d,\d+,\d|[,;] ?[A-Za-z]", line) for _, line in lines):
+    if not pairs or any(re.search(r"\d\.\d|\d,\d+,\d|[,;][A-Za-z]", line) for _, line in lines):
         return lines
     sizes: dict[str, set[int]] = {}  # with how many values each name stands
     for _, line in lines:

@@ -25,7 +25,7 @@ from tacstrip.io.log_import.names import CLOCKS, IN_VOLTS, meaning, meanings
 from tacstrip.io.log_import.others import drop_others
 from tacstrip.io.log_import.questions import KEYS, Clues, Question, Unanswered
 from tacstrip.io.log_import.scans import LogScan, is_newest_first, scans, strip_numbers
-from tacstrip.io.log_import.sides import from_the_right_said
+from tacstrip.io.log_import.sides import assigned_otherwise, from_the_right_said
 from tacstrip.io.log_import.statements import base_said
 from tacstrip.io.log_import.supply import ask_for_supply
 from tacstrip.io.log_import.table import PART, Table
@@ -435,7 +435,13 @@ def _strip_order(clues: Clues, found: Columns, strips: int) -> str:
             clues.because("the log's first strip is the last of the readings")
         return answer
     said = (*clues.table.preamble, found.strip.replace("_", " "))
-    if not clues.descending and (told := from_the_right_said(said, strips)):
+    columns = {n: int(what.partition(":")[0]) for n, what in found.readings.items() if ":" in what}
+    line, turned = assigned_otherwise(columns, clues.table.preamble)
+    if line and not turned:
+        raise ReadingError(
+            f"the log says {line.strip()[:_LONG]!r}, and columns are named otherwise: give them the strips' numbers"
+        )
+    if not clues.descending and (told := line or from_the_right_said(said, strips)):
         clues.ask(
             "strip_order",
             f"the log says {told[:_LONG]!r}, and in readings the first strip is the leftmost: turn the strips' order "

@@ -239,6 +239,11 @@ def _strips_of_senders(frames: Sequence[Frame], said: str) -> dict[str, int]:
     """Return the strips that senders' numbers stand for, as "0x200 + strip" says."""
     told = {int(a or b, 16) for a, b in _BASED.findall(said)}
     strips = STRIPS.search(said)
+    if len(told) == 1 and not strips:  # all from there on, if none is missing
+        there = {f.sender: n for f in frames if (n := int(f.sender, 16) - min(told)) >= 0}
+        numbers = sorted({*there.values()})
+        if numbers and numbers[0] < 2 and len(numbers) == numbers[-1] - numbers[0] + 1:
+            return there
     if len(told) != 1 or not strips:
         raise ContradictionError(
             "the log is of frames with identifiers, and does not say of which strips they are: write above them a line "

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from tacstrip.io.log_import.hexframes import WORD, Frame
 from tacstrip.io.log_import.names import meaning
+from tacstrip.io.log_import.records import END_WORDS
 from tacstrip.io.log_import.statements import in_blocks_said, order_said
 from tacstrip.io.log_import.table import ContradictionError
 
@@ -21,7 +22,8 @@ _WIDTH = re.compile(
     re.IGNORECASE,
 )
 _PLACE = re.compile(
-    r"\b(?:bytes?|octets?)\s+(\d+)(?:\s*(?:-|\u2013|\.\.+|to|and|,|/|\+|&|bis|und|et)\s*(\d+))?",
+    r"\b(?:(?:bytes?|octets?)\s+|(?:data|bytes?|payload|d|b)\[)(\d+)"
+    r"(?:\s*(?:-|\u2013|\.\.+|to|and|,|/|\+|&|bis|und|et)\s*(\d+))?",
     re.IGNORECASE,
 )
 STRIPS = re.compile(
@@ -116,6 +118,7 @@ def _role(text: str) -> str:
     words = re.findall(r"[^\W\d]+(?:_[^\W\d]+)*", text)
     found = [meaning(w) for w in words]
     channels = list(dict.fromkeys(m.channel for m in found if m.role == "reading" and m.channel))
+    channels = [c for c in channels if c not in END_WORDS] or channels
     if len(channels) == 1:
         return channels[0]
     if channels:

@@ -17,13 +17,15 @@ from tacstrip.io.log_import.literals import literal, literals
 from tacstrip.io.log_import.names import meaning
 from tacstrip.io.log_import.table import Table, flattened, of_records, said_above
 
+_TUPLES = re.compile(r"(?m)^\(.*,\s*\(.*\)\)\s*$")  # within each other
+
 
 def of_literals(text: str, path: str | Path) -> Table | None:
     """Return JSON or what Python prints as a table: lines of objects or lists, an array of them, an object of columns.
 
     None where it is none of these.
     """
-    if "[" not in text and "{" not in text:
+    if "[" not in text and "{" not in text and not _TUPLES.search(text):
         return None
     found, broken = _json(text, path) if text.lstrip()[:1] in ("{", "[") else ([], [])
     around: list[tuple[int, str]] = []

@@ -359,6 +359,11 @@ def _of_tokens(tokens: list[str], unit: str) -> Meaning:
     return Meaning("which") if named & _WHICH else Meaning("")
 
 
+def unit_in(name: str) -> str:
+    """Return the unit that a name says, in brackets, after a slash, or last; "" where it says none that is known."""
+    return _tokens(name)[1]
+
+
 def unknown_unit(name: str) -> str:
     """Return what stands as a unit in a name and is none of a reading or a time, or a factor; "" where nothing does.
 
@@ -414,6 +419,19 @@ def pair_of(channels: set[str]) -> tuple[str, str] | None:
     if len(channels) == 2 and len(numbers) == 2 and numbers[1] == numbers[0] + 1:
         return str(numbers[0]), str(numbers[1])
     return next((pair for pair in _PAIRS if channels == set(pair)), None)
+
+
+def end_beside(channels: set[str]) -> str:
+    """Return which end a word of a pair is of, beside h or l; "" where it is of none, or of the same.
+
+    Examples
+    --------
+    >>> end_beside({"upper", "l"}), end_beside({"lower", "l"}), end_beside({"x", "h"})
+    ('h', '', '')
+    """
+    lack = "h" if "l" in channels else "l"
+    words = {pair[lack == "l"] for pair in _PAIRS if len(pair[0]) > 1}
+    return lack if channels - {"h", "l"} <= words and channels & {"h", "l"} else ""
 
 
 def _singular(word: str) -> str:

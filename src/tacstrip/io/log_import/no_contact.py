@@ -29,7 +29,7 @@ _FEW_TOUCHED = 0.005  # of the readings: fewer are no contact among noise
 _MANY = 0.05  # of the readings: more that are exactly 0 are no chance
 _FULL = 0.9  # of the largest reading: what becomes larger than the range goes there from above
 _OVER_RANGE = re.compile(
-    r"\++|\+?(?:over(?:range|load)?|o\.?l\.?|ovl?d|burnout|inf)", re.IGNORECASE
+    r"\++|\*+|\+?(?:over(?:range|load)?|o\.?l\.?|ovl?d|burnout|inf)|[+-]?\u221e", re.IGNORECASE
 )  # of loggers
 
 

@@ -20,7 +20,7 @@ _STRIP_THEN_NAME = re.compile(
 )  # as "S0:" in "S0:H=512 L=300"
 _CALLED = re.compile(r"\A\s*[A-Za-z_]\w*\((.*=.*)\)\s*\Z")  # as a record that a program prints
 _VOID = ("nan", "nil", "null", "none", "n/a")  # which are no ends
-_END_WORDS = frozenset({"end", "side", "ende", "seite", "edge"})  # behind the word that says which
+END_WORDS = frozenset({"end", "side", "ende", "seite", "edge"})  # behind the word that says which
 _UNIT = "|".join(sorted((re.escape(u) for u in UNITS if len(u) < 8), key=len, reverse=True))
 _FOREIGN = re.compile(  # a unit that is none of readings, behind a value
     r"\b([A-Za-z]\w*)(\s*[:=]\s*[-+]?\d[\d.]*)\s?([kMh]?Pa|m?bar|psi|[mk]?[Oo]hms?|[mnu\u00b5]?A|kV|[km]?N|[km]?g|deg[CF])"
@@ -131,7 +131,7 @@ def items(line: str) -> list[Item]:
                 timed = "time" if _WITH_TIME.search(text) and len(words[-1]) < 4 else ""  # as in "at 20 ms"
                 if is_strip(words[-1]) and not timed:  # as in "S1 512/300"
                     found.append(Item("strip", (str(last_word.strip),), told=False))
-                ends = len(words) > 1 and words[-1].casefold() in _END_WORDS and meaning(words[-2]).channel
+                ends = len(words) > 1 and words[-1].casefold() in END_WORDS and meaning(words[-2]).channel
                 close(" ".join(words[-2:]) if ends else words[-1] if implied else timed, told=False)
             elif not open_name:
                 behind = bool(found) and meaning(found[-1].name).role in LABELS  # as in "Scan 3 @ 12:00:01"

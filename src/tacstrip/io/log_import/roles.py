@@ -8,7 +8,14 @@ import re
 import numpy as np
 
 from tacstrip.io.log_import.column_blocks import answered_block
-from tacstrip.io.log_import.contents import are_times, are_whole, comes_again, counts_up, rises_as_a_clock
+from tacstrip.io.log_import.contents import (
+    are_times,
+    are_whole,
+    comes_again,
+    counts_up,
+    rises_as_a_clock,
+    rises_evenly,
+)
 from tacstrip.io.log_import.fields import clock_seconds, number_of
 from tacstrip.io.log_import.names import (
     LENGTHS_MM,
@@ -17,6 +24,7 @@ from tacstrip.io.log_import.names import (
     meaning,
     meanings,
     pair_of,
+    unit_in,
 )
 from tacstrip.io.log_import.questions import Clues
 from tacstrip.io.log_import.table import CLOCK, ROW
@@ -63,6 +71,18 @@ def are_channels(fields: set[str]) -> bool:
     channels = _channels(fields)
     worded = len(fields) == 2 and not any(number_of(f) is not None for f in fields)
     return worded and (channels == {"h", "l"} or bool(pair_of(channels)))
+
+
+def with_time_by_unit(clues: Clues, known: dict[str, Meaning]) -> dict[str, Meaning]:
+    """Return what columns are: the time is the only one of no known word in a unit of time that rises evenly."""
+    if any(m.role == "time" for m in known.values()):
+        return known
+    found = [
+        n for n, m in known.items()
+        if not m.role and unit_in(n) in TIME_UNITS and n not in clues.answers
+        and rises_as_a_clock(clues.values(n)) and rises_evenly(clues.values(n))
+    ]  # fmt: skip
+    return known | {n: Meaning("time", unit=unit_in(n)) for n in found if len(found) == 1}
 
 
 def time_column(clues: Clues, known: dict[str, Meaning]) -> str:

@@ -127,7 +127,8 @@ def _may_be_cut(line: str, word: str, form: str) -> bool:
     """Return whether a line may be left of one of the readings: it has a strip's label, or begins as they do."""
     if not re.search(r"\d", line):
         return False
-    if any(m["word"] == word and m["sign"].strip() for m in (_LABEL if word else _BARE).finditer(line)):
+    labels = (_LABEL if word else _BARE).finditer(re.sub(STAMP, "", line, count=1))
+    if any(m["word"] == word and m["sign"].strip() for m in labels):
         return True
     begin = " ".join(_SLOT.sub("0", line).split())
     return (

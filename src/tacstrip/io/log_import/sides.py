@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 _RIGHT = (
     r"\b(?:right(?:most|-?hand)?(?!-?aligned)|rechts|rechte[nrs]?|droite|derech[ao]|direit[ao]|destr[ao])\b"
@@ -31,12 +31,37 @@ _FIRST, _LAST = (
     r"\b(?:first|erste[rn]?|premi\u00e8re|primer[ao]|prim[ao])",
     r"\b(?:last|letzte[rn]?|derni\u00e8re|ultim[ao])",
 )
+_FEW = 2  # columns of which a strip is told
 # Of what touches, of one strip beside another, of the two ends of a strip, or of nothing.
 _OTHERWISE = re.compile(
     r"\b(?:mov\w*|slid\w*|roll\w*|drag\w*|swip\w*|fingers?|press\w*|object|ball|bewegt|\w*schoben|glis\w*"
     rf"|no[tn]?|nicht|never|[vku]?_?[hl])\s|{_RIGHT}\s+(?:of|von|neben|next)\b|{_LEFT}{_TO}{_RIGHT}",
     re.IGNORECASE,
 )
+
+
+def assigned_otherwise(columns: Mapping[str, int], lines: Sequence[str]) -> tuple[str, bool]:
+    """Return the line that gives columns to other strips than their names do, and whether just to those from the right.
+
+    Not where it only counts from another number on.
+
+    Examples
+    --------
+    >>> assigned_otherwise({"A0": 0, "A1": 1, "A2": 2}, ["wiring: A0 = strip 2 ... A2 = strip 0"])
+    ('wiring: A0 = strip 2 ... A2 = strip 0', True)
+    >>> assigned_otherwise({"A0": 0, "A1": 1, "A2": 2}, ["A0 = strip 1, A1 = strip 2"])
+    ('', False)
+    """
+    told: dict[int, tuple[int, str]] = {}
+    for name, strip in columns.items():
+        bare = re.escape(re.sub(r"\s*[\[(].*", "", name))
+        said = re.compile(
+            rf"(?<!\w){bare}\s*(?:[:=]|[-=]>|\u2192|\bis\b|\bon\b|\bto\b)\s*{_STRIP}\s*#?(\d+)", re.IGNORECASE
+        )
+        told.update((strip, (int(m[1]), line)) for line in lines if (m := said.search(line)))
+    if len(told) < _FEW or len({number - strip for strip, (number, _) in told.items()}) == 1:
+        return "", False
+    return next(iter(told.values()))[1], len({number + strip for strip, (number, _) in told.items()}) == 1
 
 
 def from_the_right_said(lines: Sequence[str], strips: int) -> str:

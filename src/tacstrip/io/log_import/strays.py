@@ -16,7 +16,9 @@ from tacstrip.io.log_import.table import ContradictionError, Table
 _NUMBER = re.compile(r"(?<![A-Za-z])[+-]?(?:\d+(?:[.:/-]\d+)*|\.\d+)(?:[eE][+-]?\d+)?|\b0x[\dA-Fa-f]+\b")
 _COMMA_WITHIN = re.compile(r"(?<=\d),(?=\d)")
 _BETWEEN = re.compile(r"[;\t|]|\d\s+[\d.+-]")  # fields, so that commas are within numbers
-_WORD = re.compile(r"[^\W\d_]+(?:/[^\W\d_]+)*|-{1,3}(?=[\s,;|]|\Z)")
+_WORD = re.compile(
+    r"[^\W\d_]+(?:/[^\W\d_]+)*|-{1,3}(?=[\s,;|]|\Z)|\*{2,}|\+{3,}"
+)  # or the marks of an over-range
 _FIELD = re.compile(r"\s*[,;|\t]\s*|\s+")
 _NAMES_ITSELF = re.compile(r"[^\W\d_]{2,}\d*\s*[:=]")  # a line that needs no names above it
 _PATH = re.compile(r"[^\W\d]\w*/\w+")
@@ -55,8 +57,8 @@ def form_of(line: str) -> str:
     """
     line = _COMMA_WITHIN.sub(".", line) if _BETWEEN.search(line) else line
     line = re.sub(r"\d+", "0", _NUMBER.sub("0", " ".join(line.split())))
-    line = _WORD.sub(lambda m: "0" if says_nothing(m.group()) else m.group(), line)
-    return re.sub(r"(?<=[,;|])(?=[,;|]|\Z)", "0", line)
+    line = _WORD.sub(lambda m: "0" if m[0][0] in "*+" or says_nothing(m[0]) else m[0], line)
+    return re.sub(r"(?<=[,;|\s])(?=[,;|]|\Z)", "0", line)
 
 
 def stray_lines(text: str) -> list[frozenset[int]]:
@@ -195,11 +197,12 @@ def _told(table: Table, strays: frozenset[int], texts: dict[int, str]) -> Table:
     """Return a table that says which lines were set aside: broken, if they may hold readings."""
     first, last = min(table.lines, default=0), max(table.lines, default=0)
     words = {w.casefold() for name in table.names for w in re.findall(r"[^\W\d_]+", name)}
+    rows = {shape for n in table.lines if n in texts and (shape := _shape(texts[n]))[1]}
     there = sorted(strays)
     broken = [
         n for n in there
         if re.search(r"\d", texts[n]) and not is_prose(texts[n], words)
-        and (n > first or _is_row_of_numbers(texts[n], len(table.names)))
+        and (n > first or _is_row_of_numbers(texts[n], len(table.names)) or _shape(texts[n]) in rows)
     ]  # fmt: skip
     # The log ends within a line, if only before its first number.
     broken += [n for n in there if n == max(texts) and n not in broken and any(
@@ -230,6 +233,12 @@ def _of_lost_names(table: Table, above: list[int], texts: dict[int, str]) -> lis
                 f"line {n} ({texts[n].strip()[:_LONG]!r}) seems to name the columns, and is not used: are they so?"
             ]
     return []
+
+
+def _shape(line: str) -> tuple[str, int]:
+    """Return what separates the fields of a line that begins with a number, and how often; 0 of another line."""
+    by = next((mark for mark in "\t;|, " if mark in line.strip()), "")
+    return by, line.count(by) if by and re.match(r"\W*\d", line) else 0
 
 
 def _is_row_of_numbers(line: str, columns: int) -> bool:

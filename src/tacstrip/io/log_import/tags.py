@@ -38,9 +38,14 @@ def without_other_tags(text: str) -> tuple[str, str]:
     first = min(n for n, m in found.items() if m["tag"] == own)
     out = {n for n, m in found.items() if m["tag"] != own}
     out |= {n for n, line in lines if n > first and not line.strip()}
+    names = re.compile(rf"(?P<mark>\W*?)\$?{own}\s*[,;\t]\s*")  # before names, as before what they name
     kept = [
-        found[n]["rest"] if n in found and n not in out else "" if n in out else line for n, line in lines
-    ]
+        found[n]["rest"] if n in found and n not in out
+        else "" if n in out
+        else names.sub(r"\g<mark>", line) if n < first and names.match(line)
+        else line
+        for n, line in lines
+    ]  # fmt: skip
     others = ", ".join(tag for tag in many if tag != own)
     return "\n".join(kept), f"lines of {own} are taken, for they number strips; passed over: {others}"
 

@@ -1,0 +1,130 @@
+"""Logs as data loggers, monitors and frames write them, and what may not be lost or mirrored on the way."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import tacstrip as ts
+from tacstrip.io.log_import.guess import propose
+from tacstrip.io.log_import.questions import Unanswered
+from tacstrip.io.log_import.text import of_text
+
+PAD = ts.Sensor(construction="crs-crs", strips=4, pitch_mm=6.0, length_mm=80.0, vref_volt=5.0)
+SHEET = ts.Sensor(construction="crs-m", strips=4, pitch_mm=6.0, length_mm=80.0, vref_volt=5.0, adc_bits=10)
+N = 8
+OUT = np.array([[1.2 + 0.1 * s + 0.17 * n for s in range(4)] for n in range(N)])
+HIGH, LOW = OUT + 0.8, OUT + 0.1 * np.arange(4)
+OPEN = np.array([[abs(1.0 + n / 4 - s) > 1.3 for s in range(4)] for n in range(N)])
+
+
+def read(text: str, sensor: ts.Sensor = PAD, **answers: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return readings (scans, strips, channels) in volts, and times [s] from the first scan on."""
+    scans = propose(of_text(text), sensor, answers).scans
+    return np.stack([s.values for s in scans]), np.array([s.time_s for s in scans]) - scans[0].time_s
+
+
+def rows(by: str = ",", nothing: str = "", step: float = 0.1) -> list[str]:
+    """Return a row for each scan, with the time [s] first."""
+    cells = [[nothing if o else f"{v:.3f}" for v, o in zip(OUT[n], OPEN[n], strict=True)] for n in range(N)]
+    return [by.join([f"{step * n:.1f}", *cells[n]]) for n in range(N)]
+
+
+def is_out(values: np.ndarray) -> bool:
+    """Return whether readings are those of `OUT`."""
+    return bool(np.allclose(values[..., 0], np.where(OPEN, np.nan, OUT), atol=1e-3, equal_nan=True))
+
+
+@pytest.mark.parametrize("name", ["Instant (s)", "Zeit 1 - Messrate [s]"])
+def test_a_unit_of_time_and_even_steps_tell_the_time(name: str) -> None:
+    values, times = read("\n".join([f"{name};S1;S2;S3;S4", *rows(";")]), SHEET)
+    assert is_out(values)
+    np.testing.assert_allclose(times, 0.1 * np.arange(N), atol=1e-9)
+
+
+@pytest.mark.parametrize("mark", ["*******", "\u221e", "9.99999E+99"])
+def test_over_range_marks_of_open_inputs(mark: str) -> None:
+    values, _ = read("\n".join(["time [s],S1 [V],S2 [V],S3 [V],S4 [V]", *rows(",", mark)]), SHEET)
+    assert is_out(values)
+
+
+def test_rows_with_a_rarer_word_above_the_usual_ones_are_asked_about() -> None:
+    """They stood above the first line of the usual form, and were set aside with a remark."""
+    lines = [r.replace("0.0;", "0.0;ERRX;", 1) if n == 0 else r for n, r in enumerate(rows(";", "1.000"))]
+    head = ["Maker;Logger 3", "Model;LX", "Channel;A;B;C;D", "Kind;U;U;U;U"]
+    first = lines[0].split(";")
+    lines[0] = ";".join([first[0], "ERRX", *first[3:]])
+    with pytest.raises(Unanswered, match="ERRX"):
+        read("\n".join([*head, *lines]), SHEET)
+
+
+def test_a_log_that_begins_within_a_scan_counted_behind_a_mark() -> None:
+    lines = ["4 H=", "S4 H=open L=open"]
+    for n in range(N):
+        lines += ["", f"#{n + 42} @ {100 * n + 10500} ms"]
+        lines += [
+            f"S{s + 1} H=open L=open" if OPEN[n, s] else f"S{s + 1} H={HIGH[n, s]:.3f}V L={LOW[n, s]:.3f}V"
+            for s in range(4)
+        ]
+    found = propose(of_text("\n".join(lines)), PAD)
+    assert len(found.scans) == N
+    assert any("above the first '#'" in d for d in found.doubts)
+    np.testing.assert_allclose(np.diff([s.time_s for s in found.scans]), 0.1, atol=1e-9)
+
+
+def test_sentences_with_decimal_commas_and_commas_between() -> None:
+    lines = ["Lectura"]
+    for n in range(N):
+        lines += ["", f"Tiempo: {0.5 * n:.1f} s".replace(".", ",")]
+        for s in range(4):
+            pair = f"arriba: {HIGH[n, s]:.2f} V; abajo: {LOW[n, s]:.2f} V".replace(".", ",").replace(";", ",")
+            lines.append(f"Tira {s + 1} -> {'sin contacto' if OPEN[n, s] else pair}")
+    values, times = read("\n".join(lines))
+    assert times[-1] == pytest.approx(0.5 * (N - 1))
+    np.testing.assert_allclose(values[..., 0], np.where(OPEN, np.nan, HIGH), atol=0.006)
+
+
+def test_frames_of_pairs_in_a_comment_of_c() -> None:
+    lines = ["raw console log", "/* $ms;S1.H,S1.L;S2.H,S2.L;...;S4.H,S4.L (V) */"]
+    for n in range(N):
+        pairs = ["x,x" if OPEN[n, s] else f"{HIGH[n, s]:.3f},{LOW[n, s]:.3f}" for s in range(4)]
+        lines.append(f"/*{50 * n + 770};{';'.join(pairs)}*/")
+    values, _ = read("\n".join(lines))
+    np.testing.assert_allclose(values[..., 1], np.where(OPEN, np.nan, LOW), atol=1e-3)
+
+
+def test_a_settings_table_with_gains_of_one_asks_nothing() -> None:
+    gains = ["Channel,Function,Range,Gain,Offset", *(f"{101 + s},DC voltage,10 V,1,0" for s in range(4))]
+    names = "time [s]," + ",".join(f"{101 + s} <S{s + 1}> (VDC)" for s in range(4))
+    assert is_out(read("\n".join([*gains, "", names, *rows()]), SHEET)[0])
+    amplified = [line.replace("V,1,0", "V,2,0") for line in gains]
+    with pytest.raises(Unanswered, match="multiplied"):
+        read("\n".join([*amplified, "", names, *rows()]), SHEET)
+
+
+@pytest.mark.parametrize(
+    "said", ["// wiring: A0 = strip 3 ... A3 = strip 0", "# A0: strip 4\n# A1: strip 3\n# A2: strip 2"]
+)
+def test_pins_in_the_opposite_order_are_asked(said: str) -> None:
+    codes = [
+        ",".join(
+            [f"{100 * n}", *("-" if o else f"{200 * v:.0f}" for v, o in zip(OUT[n], OPEN[n], strict=True))]
+        )
+        for n in range(N)
+    ]
+    text = "\n".join([said, "ms,A0,A1,A2,A3", *codes])
+    with pytest.raises(Unanswered, match="descending"):
+        read(text, SHEET, unit="code")
+    turned, _ = read(text, SHEET, unit="code", strip_order="descending")
+    plain, _ = read(text.replace(said, "# bench"), SHEET, unit="code")
+    np.testing.assert_array_equal(turned, plain[:, ::-1])
+
+
+def test_frames_whose_identifiers_follow_each_other_are_the_strips() -> None:
+    lines = ["# id 0x200+strip, data[0..1]=upper end, data[2..3]=ground end, big endian, mV; FFFF = open"]
+    for n in range(N):
+        for s in range(4):
+            pair = "FFFFFFFF" if OPEN[n, s] else f"{int(1000 * HIGH[n, s]):04X}{int(1000 * LOW[n, s]):04X}"
+            lines.append(f"({100 + 0.02 * n + 1e-4 * s:.6f}) can0 {0x200 + s:X}#{pair}")
+    values, _ = read("\n".join(lines))
+    np.testing.assert_allclose(values[..., 1] / 1000.0, np.where(OPEN, np.nan, LOW), atol=2e-3)
