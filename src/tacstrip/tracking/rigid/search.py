@@ -34,6 +34,7 @@ from tacstrip.tracking.rigid.offsets import Offsets, channel_offsets, taken_off,
 from tacstrip.tracking.rigid.smooth_path import Path, centres, circle, fit_path, spline_basis
 
 _TURNS, _FINE_TURNS = (tuple(range(-160, 161, step)) for step in (20, 10))  # degrees
+_WHOLE_TURNS = tuple(sign * turn for turn in range(180, 561, 20) for sign in (1, -1))
 _DENSE, _MANY_STRIPS, _SPARSE = 48, 20, 16  # scans that a search uses; of finer sensors fewer do
 _KNOTS, _MORE_KNOTS = 4, 8
 _ALIKE = 0.003  # of the area's root: outlines that differ by less are one
@@ -288,6 +289,11 @@ def search(
             if explained(found):
                 return found
         found = _with_offsets(starts, turns, distribution, offsets)
+        if round_and_round and not explained(found) and starts.hopeless:
+            beyond = starts.best(_WHOLE_TURNS, 1)
+            if starts.rough[beyond[0]].cost < min(starts.rough[turn].cost for turn in turns):
+                again = _with_offsets(starts, beyond, distribution, offsets)
+                found = min(found, again, key=lambda f: f.criterion(scans))
     if not thorough or scans.strips_touched < LEAST_STRIPS:
         return found
 
@@ -300,9 +306,9 @@ def search(
         ways = [without_path, on_more_turns]
     else:
         ways = [on_more_turns, without_path]
-    for again in ways:
+    for way in ways:
         if not explained(found):
-            found = min(found, again(), key=lambda f: f.criterion(scans))
+            found = min(found, way(), key=lambda f: f.criterion(scans))
     return found
 
 
@@ -657,9 +663,14 @@ def recognised(known: RigidScans, fit: Fit, scans: RigidScans, distribution: str
     together = replace(known, k=np.concatenate([known.k, scans.k]))
     joint = fitted(together, fit.corners, np.concatenate([fit.poses, best]), 10, cauchy=5.0)
     joint = settled(together, rescued(together, fitted(together, joint.corners, joint.poses)))
-    if not content(together, joint, distribution) and joint.cost < _WORTH_SETTLING * joint.freedom(together):
-        joint = recounted(together, unstuck(together, joint))[
-            0
-        ]  # too few scans may have told a corner too few
-    part = Fit(joint.corners, joint.poses[-last:], joint.costs[-last:])
-    return joint if content(scans, part, distribution) and content(together, joint, distribution) else None
+
+    def both_explained(fit: Fit) -> bool:
+        part = Fit(fit.corners, fit.poses[-last:], fit.costs[-last:])
+        return content(scans, part, distribution) and content(together, fit, distribution)
+
+    # Too few scans may have told a corner too few, or an outline that is off along what they left open.
+    for further in (unstuck, lambda every, fit: explored(every, fit)[0]):
+        if both_explained(joint) or joint.cost > _WORTH_SETTLING * joint.freedom(together):
+            break
+        joint = recounted(together, further(together, joint))[0]
+    return joint if both_explained(joint) else None
