@@ -497,9 +497,10 @@ def _compared(scans: RigidScans, fits: list[Fit], distribution: str, within: flo
     """Return the best of fits of all scans, without corners that it does not need, and those that are about as good."""
     every = sorted(fits, key=lambda f: f.criterion(scans))
     best = every[0]
-    if best.cost < _WORTH_SETTLING * best.freedom(scans) or len(bad_scans(scans, best)) < _SOME * len(
-        scans.k
-    ):
+    about_right = best.cost < _WORTH_SETTLING * best.freedom(scans)
+    if not needs_smooth_motion(scans):  # where poses alone may explain most scans of a wrong outline
+        about_right |= len(bad_scans(scans, best)) < _SOME * len(scans.k)
+    if about_right:
         best, counts = recounted(scans, best)
         every += counts
         concave = bool(reflex(best.corners).any())
