@@ -127,6 +127,25 @@ def test_a_concave_outline_is_searched_for_beside_where_it_came_to_rest() -> Non
     assert len(other.alternatives) > 0
 
 
+def test_a_concave_outline_of_which_few_scans_rest_elsewhere_is_searched_for_beside() -> None:
+    """Called not rigid before: it left 1.5 times the noise, and most scans explained."""
+    of = scene("concave", 761, 11)
+    (one,) = ts.track(of.scans, of.unit.sensor, NOISE)
+    assert of.outline is not None
+    assert distance(one.outline, of.outline) < 1.5
+
+
+def test_more_than_half_a_turn_is_found_on_a_smooth_path(monkeypatch: pytest.MonkeyPatch) -> None:
+    def without_path(*_: object) -> Fit:
+        raise AssertionError("poses were taken for independent")
+
+    monkeypatch.setattr("tacstrip.tracking.rigid.search._without_path", without_path)
+    of = scene("full turns", 700, 0)
+    (one,) = ts.track(of.scans, of.unit.sensor, NOISE)
+    assert one.status == "ok"
+    assert abs(np.ptp(one.poses[:, 2]) - np.ptp(of.poses[:, 2])) < 0.05
+
+
 def test_errors_that_follow_each_other_widen_the_regions_and_are_said() -> None:
     wandering = scene("wander", 3, 4)
     (one,) = ts.track(wandering.scans, wandering.unit.sensor, NOISE)
@@ -196,9 +215,11 @@ def test_a_region_of_a_pose_covers_where_else_it_may_rest(knots: int) -> None:
     assert np.abs(np.delete(more, 3, axis=0)).max() < 1e-9
 
 
-@pytest.mark.parametrize(("seed", "number", "corners"), [(300, 35, 3), (200, 11, 8)])
+@pytest.mark.parametrize(
+    ("seed", "number", "corners"), [(300, 35, 3), (200, 11, 8), (700, 27, 8), (700, 11, 5)]
+)
 def test_an_object_pressed_twice_is_counted_over_both(seed: int, number: int, corners: int) -> None:
-    """Of one press alone the outline was off by 1.5 mm, or had a corner too few that the other press shows."""
+    """Of one press alone the outline was off by 1.5 mm, had a corner too few, or was found by a whole search only."""
     of = scene("two presses", seed, number)
     (one,) = ts.track(of.scans, of.unit.sensor, ts.Noise(positional=of.row.level))
     assert len(one.outline) == corners

@@ -153,7 +153,7 @@ def _tracked(
         if seen is None:
             tracks.append(of_one_scan(one, read, sensor, noise))
         else:
-            objects.append(with_stretches(seen, one, unlike, readings))
+            objects = explained_too(with_stretches(seen, one, unlike, readings), objects, readings)
     return [*tracks, *(summarised(each, read, readings, noise) for each in objects)]
 
 

@@ -34,6 +34,7 @@ from tacstrip.tracking.rigid.offsets import Offsets, channel_offsets, taken_off,
 from tacstrip.tracking.rigid.smooth_path import Path, centres, circle, fit_path, spline_basis
 
 _TURNS, _FINE_TURNS = (tuple(range(-160, 161, step)) for step in (20, 10))  # degrees
+_WHOLE_TURNS = tuple(sign * turn for turn in range(180, 561, 20) for sign in (1, -1))
 _DENSE, _MANY_STRIPS, _SPARSE = 48, 20, 16  # scans that a search uses; of finer sensors fewer do
 _KNOTS, _MORE_KNOTS = 4, 8
 _ALIKE = 0.003  # of the area's root: outlines that differ by less are one
@@ -57,6 +58,7 @@ _WITHIN = 8.0  # of the best criterion: fits that explain the readings as well
 _WITHIN_KINKS = 16.0  # likewise of concave ones, which seldom come to rest at their least cost
 _UNLIKELY = 0.05  # odds of another count of corners, against the best fit, that are taken for none
 _LOST = 0.5  # of the scans: a polygon that leaves more will not explain them once it is settled
+_SOME = 0.15  # of the scans: an outline that leaves fewer is about right
 _WORTH_SETTLING = 1.6  # times the freedom: fits that may, once they are settled
 _NO_OFFSETS = 50.0  # likewise: offsets do not explain so much
 _SOFT, _HARD = 0.25, 0.1  # pitches that an end of an outline is off
@@ -288,6 +290,11 @@ def search(
             if explained(found):
                 return found
         found = _with_offsets(starts, turns, distribution, offsets)
+        if round_and_round and not explained(found) and starts.hopeless:
+            beyond = starts.best(_WHOLE_TURNS, 1)
+            if starts.rough[beyond[0]].cost < min(starts.rough[turn].cost for turn in turns):
+                again = _with_offsets(starts, beyond, distribution, offsets)
+                found = min(found, again, key=lambda f: f.criterion(scans))
     if not thorough or scans.strips_touched < LEAST_STRIPS:
         return found
 
@@ -300,9 +307,9 @@ def search(
         ways = [without_path, on_more_turns]
     else:
         ways = [on_more_turns, without_path]
-    for again in ways:
+    for way in ways:
         if not explained(found):
-            found = min(found, again(), key=lambda f: f.criterion(scans))
+            found = min(found, way(), key=lambda f: f.criterion(scans))
     return found
 
 
@@ -490,7 +497,10 @@ def _compared(scans: RigidScans, fits: list[Fit], distribution: str, within: flo
     """Return the best of fits of all scans, without corners that it does not need, and those that are about as good."""
     every = sorted(fits, key=lambda f: f.criterion(scans))
     best = every[0]
-    if best.cost < _WORTH_SETTLING * best.freedom(scans):
+    about_right = best.cost < _WORTH_SETTLING * best.freedom(scans)
+    if not needs_smooth_motion(scans):  # where poses alone may explain most scans of a wrong outline
+        about_right |= len(bad_scans(scans, best)) < _SOME * len(scans.k)
+    if about_right:
         best, counts = recounted(scans, best)
         every += counts
         concave = bool(reflex(best.corners).any())
@@ -657,9 +667,14 @@ def recognised(known: RigidScans, fit: Fit, scans: RigidScans, distribution: str
     together = replace(known, k=np.concatenate([known.k, scans.k]))
     joint = fitted(together, fit.corners, np.concatenate([fit.poses, best]), 10, cauchy=5.0)
     joint = settled(together, rescued(together, fitted(together, joint.corners, joint.poses)))
-    if not content(together, joint, distribution) and joint.cost < _WORTH_SETTLING * joint.freedom(together):
-        joint = recounted(together, unstuck(together, joint))[
-            0
-        ]  # too few scans may have told a corner too few
-    part = Fit(joint.corners, joint.poses[-last:], joint.costs[-last:])
-    return joint if content(scans, part, distribution) and content(together, joint, distribution) else None
+
+    def both_explained(fit: Fit) -> bool:
+        part = Fit(fit.corners, fit.poses[-last:], fit.costs[-last:])
+        return content(scans, part, distribution) and content(together, fit, distribution)
+
+    # Too few scans may have told a corner too few, or an outline that is off along what they left open.
+    for further in (unstuck, lambda every, fit: explored(every, fit)[0]):
+        if both_explained(joint) or joint.cost > _WORTH_SETTLING * joint.freedom(together):
+            break
+        joint = recounted(together, further(together, joint))[0]
+    return joint if both_explained(joint) else None
