@@ -93,7 +93,11 @@ def test_a_sensor_that_reads_pressure_is_called_that() -> None:
 def test_a_bridge_of_a_pair_at_the_edge_and_within(at: int) -> None:
     seed = 7 if at == 0 else 4
     unit = bench(seed, "short-edge" if at == 0 else "short", "exercise")
-    assert ("short", unit.strips) in said(diagnose(unit.log))
+    report = diagnose(unit.log)
+    if at == 0:  # by one quarter of the recording alone
+        assert (("short",), unit.strips) in {(q.causes, q.strips) for q in report.questions}
+    else:
+        assert ("short", unit.strips) in said(report)
 
 
 def test_drift_of_a_hundredth_and_slow_wander_at_rest() -> None:
