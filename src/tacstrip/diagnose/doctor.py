@@ -33,7 +33,7 @@ from tacstrip.io.input_checks import other_scale
 from tacstrip.sensor.left_out import channel_name, left_out, left_out_wholly
 from tacstrip.sensor.rest_level import all_read_hint, rest_hint
 
-_MOST_SCANS, _MOST_READINGS = 20_000, 400_000  # of longer recordings, evenly spread stretches are examined
+_MOST_SCANS, _MOST_READINGS = 20_000, 200_000  # of longer recordings, evenly spread stretches are examined
 _LEAST_SIGMA = 2e-4  # over Vref: no reading is trusted to less
 _MOST_SIGMA = 0.006  # over Vref, where motion hides the noise: that of P.U. profile II
 _OFFSET = 0.02  # over Vref: what a strip may lie off its neighbours' line before calibration is advised
@@ -49,7 +49,6 @@ _TESTS: dict[_Test, frozenset[str]] = {  # and the faults that each finds
     swapped_strips: frozenset({"swapped-strips"}),
     shorts: frozenset({"short"}),
 }
-_OVER_TIME = frozenset({"drift", "wander"})
 _QUARTERS = 4  # of a recording: a finding stands without any one of them, a question without some one
 _EVEN, _LOST = 0.7, 0.01  # of the scans: that follow evenly, where so many may be missing without a word
 _TIMED = 256  # parts of a recording in which a resting contact is looked at for drift
@@ -115,8 +114,8 @@ def _without_any_quarter(report: Report, part: Log, kinds: set[str]) -> Report:
 
     findings = tuple(
         f for f in report.findings
-        # Without the first or the last quarter what comes with time is smaller, not only less certain.
-        if all(stands(f.strips, f.fault)[1:-1] if f.fault in _OVER_TIME else stands(f.strips, f.fault))
+        # At rest no contact is a witness; without the first or the last quarter a drift is smaller, too.
+        if all(stands(f.strips, f.fault)[1:-1] if "levels_at_rest" in f.numbers else stands(f.strips, f.fault))
     )  # fmt: skip
     doubted = (f for f in report.findings if f not in findings)
     return replace(
@@ -169,7 +168,7 @@ def _examined(log: Log, part: Log, kinds: Set[str] = FAULTS.keys()) -> Report:
     timed = places(work, max(len(part.time_s) // _TIMED, 1))
     drifting, moving, together, checked = (
         drift(part, timed, timed.time_s)
-        if kinds & _OVER_TIME
+        if kinds & {"drift", "wander"}
         else ([], [], [], np.zeros(work.strips, dtype=bool))
     )
     humming, no_hum = hum(part, sigma) if "hum" in kinds else ([], "")
