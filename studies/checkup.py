@@ -8,12 +8,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from studies.doctor_limit import shows_in_bends
 from studies.faults import Defect, faulty_log
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
 from tacstrip.contact.shape import Contact
 from tacstrip.diagnose.doctor import diagnose
 from tacstrip.diagnose.faults import FAULTS, Report
+from tacstrip.diagnose.log import Log
 from tacstrip.sensor.constructions import CONSTRUCTIONS
 from tacstrip.sensor.spec import Sensor
 
@@ -47,12 +49,22 @@ class Case:
     offsets: FloatArray | None
     seed: int
 
-    def report(self) -> Report:
-        """Record the unit and examine it."""
-        log = faulty_log(
+    def log(self) -> Log:
+        """Record the unit."""
+        return faulty_log(
             self.sensor, self.contacts, self.defects, self.noise, self.seed, RATE_HERTZ, self.offsets
         )
-        return diagnose(log)
+
+    def report(self) -> Report:
+        """Record the unit and examine it."""
+        return diagnose(self.log())
+
+    def shows(self, fault: str, strips: tuple[int, ...]) -> bool:
+        """Whether the readings hold a drift or a short at all (`doctor_limit.shows_in_bends`); other faults do."""
+        if fault not in ("drift", "short") or not strips:
+            return True
+        others = tuple(d for d in self.defects if (d.fault, d.strips()) != (fault, strips))
+        return shows_in_bends(self.log(), replace(self, defects=others).log(), strips)
 
 
 def unit(random: np.random.Generator, strips: int | None = None) -> Sensor:
@@ -222,21 +234,43 @@ def said(report: Report) -> list[tuple[str, tuple[int, ...]]]:
     return sorted({(f.fault, f.strips) for f in report.findings})
 
 
+ASKED, NOT_SHOWN = "asked", "not in the readings"
+
+
 def confusion(cases: Iterable[Case]) -> tuple[Counter[tuple[str, str]], list[Case]]:
-    """Count what was injected against what was named, "-" for nothing, and return the cases that went wrong."""
+    """Count what was injected against what was named, "-" for nothing, and return the cases that went wrong.
+
+    A drift of all strips together is named by its note; a question with the strips and at most two causes counts as
+    `ASKED`, a fault that is missed and that the readings do not hold as `NOT_SHOWN`.
+    """
     table: Counter[tuple[str, str]] = Counter()
     wrong = []
     for case in cases:
         wanted = {(d.fault, d.strips()) for d in case.defects}
-        found = set(said(case.report()))
+        report = case.report()
+        found = set(said(report)) | {("drift", n.strips) for n in report.notes if n.fault == "common-drift"}
+        asked = {(cause, q.strips) for q in report.questions for cause in q.causes}
         extra = sorted(f for f, _ in found - wanted)
         for fault, strips in wanted:
-            table[fault, fault if (fault, strips) in found else (extra or ["-"])[0]] += 1
+            verdict = (extra or ["-"])[0]
+            if (fault, strips) in found:
+                verdict = fault
+            elif (fault, strips) in asked:
+                verdict = ASKED
+            elif not case.shows(fault, strips):
+                verdict = NOT_SHOWN
+            table[fault, verdict] += 1
         if not wanted:
             table["-", (extra or ["-"])[0]] += 1
-        if found != wanted:
+        if found - wanted or not wanted <= found | asked:
             wrong.append(case)
     return table, wrong
+
+
+def share_told(table: Counter[tuple[str, str]]) -> float:
+    """Return the share of faults named or asked about, of those that the readings hold."""
+    told = sum(n for (put, verdict), n in table.items() if verdict in (put, ASKED))
+    return told / (table.total() - sum(n for (_, verdict), n in table.items() if verdict == NOT_SHOWN))
 
 
 def table_text(table: Counter[tuple[str, str]]) -> str:
@@ -248,4 +282,5 @@ def table_text(table: Counter[tuple[str, str]]) -> str:
             other = ", ".join(f"{n} {count}" for n, count in named.items() if n != put)
             lines.append(f"{put:16}{named.get(put, 0):4} of {sum(named.values()):4}   {other}".rstrip())
     right = sum(count for (put, n), count in table.items() if put == n)
-    return "\n".join([*lines, f"{'all':16}{right:4} of {table.total():4}", ""])
+    told = f"{100.0 * share_told(table):.1f} % named or asked about of those that the readings hold"
+    return "\n".join([*lines, f"{'all':16}{right:4} of {table.total():4}   {told}", ""])

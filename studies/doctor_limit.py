@@ -67,6 +67,30 @@ def course_known(seed: int, number: int) -> tuple[str, float, float, float]:
     return doctor_set.score(seed, number)["verdict"], float(z[strip]), float(z[far].max(initial=0.0)), ends
 
 
+def shows_in_bends(log: Log, sound: Log, strips: tuple[int, ...]) -> bool:
+    """Whether a fault of one strip, or of two neighbours, shows more where it is than anywhere further away.
+
+    What it adds, the readings of a log less those without it (scans, strips), is regressed on what shape and constant
+    errors leave of the bends, of these strips and, with the same course, of all others: a likelihood ratio test that
+    knows the fault.
+    """
+    work = places(working_copy(log, working_sigma(measure(log))), max(len(log.time_s) // _PARTS, 1))
+    score, power = np.zeros((2, work.strips - len(strips) + 1))
+    for name, values in work.k.items():
+        model = BendModel.fit(work, values)
+        if model is None:
+            return False
+        added = np.nan_to_num(log.k[name] - sound.k[name])
+        course = [np.interp(work.time_s, log.time_s, added[:, i])[:, None] for i in strips]
+        for at in range(len(score)):
+            one = model.alternatives({at + i: c for i, c in enumerate(course)})
+            power[at] += one[0][0] / model.sigma**2
+            score[at] += one[1][0] / model.sigma**2
+    z = np.abs(score) / np.sqrt(np.maximum(power, 1e-9))
+    far = np.abs(np.arange(len(z)) - strips[0]) > _APART
+    return bool(z[strips[0]] > z[far].max(initial=0.0))
+
+
 def ends_known(log: Log, strip: int, course: FloatArray, white: float) -> float:
     """Return the standard errors of a course (scans,) that a test sees which knows what a sound strip would read."""
     knots, fine = np.linspace(0.0, 1.0, _PIECES + 1), np.linspace(0.0, 1.0, 401)

@@ -36,6 +36,8 @@ from tacstrip.sensor.spec import Sensor
         51083,  # noise beside a rolling bar's rim was an open strip
         72066,  # over the far end, where the neighbours' line runs beyond the rail: a loose joint
         74016,  # so was, at the edge, noise of a strip that rests beside a contact's rim
+        80039,  # two places in turn, flat on a pair: a short that hung on one quarter of the recording
+        82119,  # three fingers, of which one rests on two strips: both were stuck
         73371,  # at the edge, a strip that reads well wherever its neighbours do not: an open one
     ],
 )

@@ -93,7 +93,11 @@ def test_a_sensor_that_reads_pressure_is_called_that() -> None:
 def test_a_bridge_of_a_pair_at_the_edge_and_within(at: int) -> None:
     seed = 7 if at == 0 else 4
     unit = bench(seed, "short-edge" if at == 0 else "short", "exercise")
-    assert ("short", unit.strips) in said(diagnose(unit.log))
+    report = diagnose(unit.log)
+    if at == 0:  # by one quarter of the recording alone
+        assert (("short",), unit.strips) in {(q.causes, q.strips) for q in report.questions}
+    else:
+        assert ("short", unit.strips) in said(report)
 
 
 def test_drift_of_a_hundredth_and_slow_wander_at_rest() -> None:
@@ -140,11 +144,11 @@ def test_drift_wander_and_the_reference_stand_out_of_shape_and_offsets() -> None
     k = log.raw["k"] + offsets
     assert named(k) == []
     assert named(0.9 * log.raw["k"] + offsets) == [("wrong-vref", ())]
-    assert named(changed(k, 3, 0.05 * time)) == [("drift", (3,))]
     # 21 looks at 3 % leave 3.4 deviations, which one of 40 sound recordings does on some strip.
-    slower = diagnose(Log.of(METAL, log.time_s, {"k": changed(k, 3, 0.03 * time)}))
-    assert slower.healthy
-    assert [q.strips for q in slower.questions] == [(3,)]
+    for size in (0.05, 0.03):
+        asked = diagnose(Log.of(METAL, log.time_s, {"k": changed(k, 3, size * time)}))
+        assert asked.healthy
+        assert [q.strips for q in asked.questions] == [(3,)]
     resting = replace(METAL, rest_volt=0.25, touch_volt=0.2)
     k = np.nan_to_num(log.raw["k"], nan=0.05) + 0.001 * rng.normal(size=(600, 12))
     assert named(k, resting) == []

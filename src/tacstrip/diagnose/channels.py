@@ -212,11 +212,17 @@ def _one_channel(
         return
     for name, of in often.items():
         if counts[name] >= _SHARE * of:
+            # A wire that nothing holds rests as an untouched strip does, and counts as one.
+            level = float(np.median(work.k[name][single[name], strip]))
+            off = min(abs(level - _rest(work)), abs(level - _ground(work)))
+            fault, where = "dead", free
+            if off > max(_touch(work), _NEAR_RAIL / 2.0):
+                fault, where = "stuck", f"at {level:.4g} Vref"
             evidence = (
-                f"{free} in {counts[name]} of {int(of)} places where its neighbours expect 0.15 to 0.85 of Vref, "
+                f"{where} in {counts[name]} of {int(of)} places where its neighbours expect 0.15 to 0.85 of Vref, "
                 "while the strip's other channel moves"
             )
-            yield work.suspect("dead", [strip], evidence, numbers, gain, name)
+            yield work.suspect(fault, [strip], evidence, numbers, gain, name)
             return
 
 

@@ -26,7 +26,7 @@ _OFTEN, _SEEN = 0.6, 0.4  # of the strips along which contacts move to and fro, 
 _SOME, _SOME_SEEN = 0.4, 0.25  # the same for a question
 _MOVING = 0.6  # of the strips' levels: the contact's lowest reading moves at the others
 _SURE_ALIKE, _ALIKE = 0.03, 0.045  # over Vref: scatter of their levels; more than the first is a question
-_PILE = 3.5  # times as dense as below
+_PILE, _PILE_ASKED = 3.5, 2.5  # times as dense as below; for a question
 _SLANTED = 0.75  # of the variance of their levels, in a line or a bow across the strips
 # Steps and over Vref, of noise that would show; over Vref, of ends, where converters stop; readings at a level.
 _RESOLVED, _LEAST_RESOLVED, _ENDS, _CUT_OFF = 1.2, 2e-4, 0.03, 8
@@ -174,8 +174,10 @@ def _end_level(log: Log, sigma: float) -> tuple[float | None, bool]:
         return None, False
     # A contact at the end of one strip is not there on the next: of all strips together.
     visits = np.count_nonzero(np.diff(np.flatnonzero(scans)) > _APART * len(top)) + 1
-    piled = np.median(pile) > _PILE and np.quantile(moves, _MOVING) > _REST_MOVES and visits >= _VISITS
-    return (middle, sure) if piled else (None, False)
+    dense = float(np.median(pile))
+    moving = float(np.quantile(moves, _MOVING)) > _REST_MOVES
+    piled = moving and visits >= _VISITS and dense > (_PILE_ASKED if sure else _PILE)
+    return (middle, bool(sure and dense > _PILE)) if piled else (None, False)
 
 
 def _in_a_curve(across: FloatArray, level: FloatArray) -> float:

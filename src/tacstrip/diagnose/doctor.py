@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence, Set
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +12,7 @@ from tacstrip.diagnose.channels import clipped, never_touched, not_moving, on_ra
 from tacstrip.diagnose.converter import common_ceiling, single_ceilings, stuck_bits, wrong_reference
 from tacstrip.diagnose.drift import drift
 from tacstrip.diagnose.exchanged import swapped_ends, swapped_strips, swapped_wires, tied_wires
-from tacstrip.diagnose.faults import Finding, Question, Report
+from tacstrip.diagnose.faults import FAULTS, Finding, Question, Report
 from tacstrip.diagnose.hum import hum
 from tacstrip.diagnose.intermittent import intermittent
 from tacstrip.diagnose.log import Log
@@ -33,13 +33,23 @@ from tacstrip.io.input_checks import other_scale
 from tacstrip.sensor.left_out import channel_name, left_out, left_out_wholly
 from tacstrip.sensor.rest_level import all_read_hint, rest_hint
 
-_MOST_SCANS, _MOST_READINGS = 20_000, 400_000  # of longer recordings, evenly spread stretches are examined
+_MOST_SCANS, _MOST_READINGS = 20_000, 200_000  # of longer recordings, evenly spread stretches are examined
 _LEAST_SIGMA = 2e-4  # over Vref: no reading is trusted to less
 _MOST_SIGMA = 0.006  # over Vref, where motion hides the noise: that of P.U. profile II
 _OFFSET = 0.02  # over Vref: what a strip may lie off its neighbours' line before calibration is advised
-_TESTS: tuple[Callable[[WorkingCopy], Iterable[Suspect]], ...] = (
-    never_touched, on_rails, not_moving, clipped, swapped_wires, tied_wires, swapped_ends, swapped_strips, shorts,
-)  # fmt: skip
+_Test = Callable[[WorkingCopy], Iterable[Suspect]]
+_TESTS: dict[_Test, frozenset[str]] = {  # and the faults that each finds
+    never_touched: frozenset({"dead", "open-strip"}),
+    on_rails: frozenset({"dead", "stuck", "open-strip", "open-sensing"}),
+    not_moving: frozenset({"dead", "stuck", "open-strip"}),
+    clipped: frozenset({"saturation"}),
+    swapped_wires: frozenset({"swapped-wires", "swapped-ends"}),
+    tied_wires: frozenset({"tied-wires"}),
+    swapped_ends: frozenset({"swapped-ends"}),
+    swapped_strips: frozenset({"swapped-strips"}),
+    shorts: frozenset({"short"}),
+}
+_QUARTERS = 4  # of a recording: a finding stands without any one of them, a question without some one
 _EVEN, _LOST = 0.7, 0.01  # of the scans: that follow evenly, where so many may be missing without a word
 _TIMED = 256  # parts of a recording in which a resting contact is looked at for drift
 _FEWEST = 20  # places that determine an offset
@@ -77,6 +87,49 @@ def diagnose(log: Log) -> Report:
     [('open-strip', (3,))]
     """
     part = log.part(min(_MOST_SCANS, max(_MOST_READINGS // log.sensor.strips, 2000)))
+    report = _examined(log, part)
+    kinds = {f.fault for f in report.findings} | {cause for q in report.questions for cause in q.causes}
+    return _without_any_quarter(report, part, kinds) if kinds else report
+
+
+def _without_any_quarter(report: Report, part: Log, kinds: set[str]) -> Report:
+    """Return the report with the findings that stand without any one quarter of the recording; others are questions.
+
+    What one visit of a contact shows, or what hardly exceeds a limit, does not (a delete-one-group jackknife).
+    A question that never stands is dropped.
+    """
+    quarter = np.arange(len(part.time_s)) * _QUARTERS // len(part.time_s)
+    shown: list[set[tuple[str, tuple[int, ...]]]] = []
+    for out in range(_QUARTERS):
+        left = quarter != out
+        shown.append(set())
+        if any(np.isfinite(values[left]).any() for values in part.raw.values()):
+            rest = part.kept(left)
+            again = _examined(rest, rest, kinds)
+            shown[-1] |= {(f.fault, f.strips) for f in again.findings}
+            shown[-1] |= {(cause, q.strips) for q in again.questions for cause in q.causes}
+
+    def stands(strips: tuple[int, ...], *causes: str) -> list[bool]:
+        return [any((cause, strips) in one for cause in causes) for one in shown]
+
+    findings = tuple(
+        f for f in report.findings
+        # At rest no contact is a witness; without the first or the last quarter a drift is smaller, too.
+        if all(stands(f.strips, f.fault)[1:-1] if "levels_at_rest" in f.numbers else stands(f.strips, f.fault))
+    )  # fmt: skip
+    doubted = (f for f in report.findings if f not in findings)
+    return replace(
+        report,
+        findings=findings,
+        questions=(
+            *(q for q in report.questions if any(stands(q.strips, *q.causes))),
+            *(Question(f.strips, (f.fault,), f.evidence, f.signature) for f in doubted),
+        ),
+    )
+
+
+def _examined(log: Log, part: Log, kinds: Set[str] = FAULTS.keys()) -> Report:
+    """Examine part of a log for faults of some kinds."""
     noise = measure(part)
     sigma = working_sigma(noise)
     bits, no_bits = stuck_bits(part)
@@ -92,10 +145,12 @@ def diagnose(log: Log) -> Report:
         work.k[name] = np.where(out, np.nan, values / factor)
     # Strips that nothing touches count as touched:
     at_rest = rest_hint(log.sensor, _touched_readings(part))
-    loose, doubted = _comes_and_goes(work) if geometric and not pressed and not at_rest else ([], [])
+    comes_and_goes = geometric and not pressed and not at_rest and "intermittent" in kinds
+    loose, doubted = _comes_and_goes(work) if comes_and_goes else ([], [])
     rows = places(work)
-    tests = () if pressed else _TESTS if geometric else (never_touched, swapped_wires)
-    named = _remove_dominant(rows, tests if not ceiling else [t for t in tests if t is not clipped])
+    tests = [] if pressed else list(_TESTS) if geometric else [never_touched, swapped_wires]
+    tests = [t for t in tests if kinds & _TESTS[t] and not (ceiling and t is clipped)]
+    named = _remove_dominant(rows, tests)
     doubted += [
         Question(s.finding.strips, (s.finding.fault,), s.finding.evidence) for s in named if s.doubtful
     ]
@@ -111,8 +166,12 @@ def diagnose(log: Log) -> Report:
         faulty = {i for f in removed for i in f.strips}
         removed += [f for f in single_ceilings(part, sigma) if not faulty & set(f.strips)]
     timed = places(work, max(len(part.time_s) // _TIMED, 1))
-    drifting, moving, together, checked = drift(part, timed, timed.time_s)
-    humming, no_hum = hum(part, sigma)
+    drifting, moving, together, checked = (
+        drift(part, timed, timed.time_s)
+        if kinds & {"drift", "wander"}
+        else ([], [], [], np.zeros(work.strips, dtype=bool))
+    )
+    humming, no_hum = hum(part, sigma) if "hum" in kinds else ([], "")
     loud = {f.strips for f in humming}
     known = {i for f in removed for i in f.strips}
     noisy = [f for f in excess_noise(noise) if f.strips not in loud]  # hum is noise too

@@ -254,13 +254,14 @@ def _outstanding_at_rest(
             continue
         usual = max(float(np.median(others)) * _TIMES, float(np.quantile(others, 0.9)) * _TIMES / 2.0)
         change, straight = line[row]
+        levels = float(np.isfinite(level[:, i]).sum())
         if size[row] <= usual:
             continue
         least = max(_DRIFT, _BEYOND_NOISE * _slope_sigma(level[:, i], noise[:, i]))
         if straight > _STRAIGHT and abs(change) > least:
             evidence = f"moved by {100 * change:+.3g} % of Vref from start to end, untouched, the others by "
             evidence += f"{100 * float(np.median(np.abs(np.delete(line[:, 0], row)))):.2g} %"
-            yield Finding("drift", (i,), evidence, {"change": float(change)})
+            yield Finding("drift", (i,), evidence, {"change": float(change), "levels_at_rest": levels})
         elif (
             straight <= _STRAIGHT
             and size[row] > _WANDER
@@ -270,7 +271,7 @@ def _outstanding_at_rest(
         ):
             evidence = f"wanders by +-{100 * size[row]:.2g} % of Vref, slowly, untouched, the others by "
             evidence += f"+-{100 * float(np.median(others)):.2g} %"
-            yield Finding("wander", (i,), evidence, {"wander": float(size[row])})
+            yield Finding("wander", (i,), evidence, {"wander": float(size[row]), "levels_at_rest": levels})
 
 
 def _around(at: int, strips: int) -> list[int]:

@@ -106,9 +106,9 @@ class Question:
         """Return the question, and what to record for an answer; strips as the readings file counts them."""
         titles = " or ".join(FAULTS[cause].title for cause in self.causes)
         if not self.strips:
-            return (
-                f"{titles}? Push a contact over each end of the strips, until it is off, and run doctor again"
-            )
+            ends = "Push a contact over each end of the strips, until it is off"
+            what = ends if "wrong-vref" in self.causes else "Record all strips once more, for longer"
+            return f"{titles}? {what}, and run doctor again"
         names = " and ".join(str(i + strip_base) for i in self.strips)
         return (
             f"{titles}? Press strip {names} at three places, with the strips beside it, and run doctor again"

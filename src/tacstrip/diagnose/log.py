@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.errors import ReadingError
 from tacstrip.io.columns import ELECTRODES, Column, finite, value_columns
 from tacstrip.io.csv_rows import Row, read_csv
@@ -144,9 +144,12 @@ class Log:
             return self
         long = most // 8
         start = np.linspace(0, count - long, 8).astype(int)
-        keep = (start[:, None] + np.arange(long)).ravel()
-        raw = {name: values[keep] for name, values in self.raw.items()}
-        return Log(self.sensor, self.time_s[keep], raw, self.touched[keep], self.missing)
+        return self.kept((start[:, None] + np.arange(long)).ravel())
+
+    def kept(self, scans: IntArray | BoolArray) -> Log:
+        """Return some scans alone."""
+        raw = {name: values[scans] for name, values in self.raw.items()}
+        return replace(self, time_s=self.time_s[scans], raw=raw, touched=self.touched[scans])
 
 
 def read_log(path: str | Path, sensor: Sensor) -> Log:

@@ -326,7 +326,12 @@ def _bridged_energised(work: WorkingCopy) -> Iterator[tuple[int, Suspect]]:
     for i in range(work.strips - 1):
         change = bridge_effect(_level(values, i)[:, None], *_PLACES)
         changes.append([{i: change, i + 1: change}])
-    for strip, bridge, others in _outstanding(work, changes, times=_TIMES_ASKED):
+    for strip, bridge, others in _outstanding(work, changes, times=_TIMES_ASKED, weakest=_LEAST_BENT):
+        clearly = bridge.gain >= _TIMES * others and bool(others)
+        if (
+            bridge.strength < _STRENGTH[0] and not clearly
+        ):  # of one near an end the strips' own bow takes a part
+            continue
         added = bridge.strength * changes[strip][0][strip][:, bridge.which]
         size, most, least = (float(f(added)) for f in (np.nanstd, np.nanmax, np.nanmin))
         if size > _LEAST and moved_to_and_fro(_known(_level(values, strip)), work.sigma, _HIGH_AND_LOW):
@@ -336,7 +341,7 @@ def _bridged_energised(work: WorkingCopy) -> Iterator[tuple[int, Suspect]]:
             )
             numbers = {"most": most, "least": least, "strength": bridge.strength, "gain": bridge.gain}
             suspect = work.suspect("short", [strip, strip + 1], evidence, numbers, size)
-            yield strip, replace(suspect, doubtful=bridge.gain < _TIMES * others or not others)
+            yield strip, replace(suspect, doubtful=not clearly)
 
 
 @dataclass(frozen=True)
