@@ -15,7 +15,6 @@ from tacstrip.tracking.rigid.corners import posed
 from tacstrip.tracking.rigid.offsets import taken_off
 from tacstrip.tracking.rigid.search import (
     Found,
-    Starts,
     compared_again,
     content,
     counted_among_followers,
@@ -41,7 +40,6 @@ def searched(
 ) -> Object | None:
     """Return the object of an episode; None where its scans are too few for a shape over time.
 
-    A contact of steady area is hardly ever several objects: it is searched thoroughly all the same.
     `begun`: what a search that was not thorough ended with, `Object.begun`.
     """
     if len(episode.scans) < FEWEST:
@@ -52,7 +50,6 @@ def searched(
         level = begun.starts.scans.sigma
     every = RigidScans(read.skin.laid_out, read.names, episode.readings(read.k, read.skin.span), level)
     few = np.unique(np.linspace(0, len(every.k) - 1, min(len(every.k), MOST)).astype(int))
-    thorough = thorough or Starts(every.of(few)).steady
     least = max(step / math.sqrt(12.0), FLOOR)
     for _ in range(_ROUNDS):
         ended = search(every.of(few), read.distribution, offsets=offsets, thorough=thorough, begun=begun)

@@ -64,7 +64,6 @@ _NO_OFFSETS = 50.0  # likewise: offsets do not explain so much
 _SOFT, _HARD = 0.25, 0.1  # pitches that an end of an outline is off
 _COARSE, _FINER, _FINEST = 0.07, 0.023, 0.012  # tolerances of edges, over the outline's radius
 _ROUGH, _SMOOTHER = 0.07, 0.09  # the radii's second differences, likewise
-_STEADY = 0.075  # of the mean area: its standard deviation where one rigid object lies on few strips
 _ERRATIC = 0.2  # of the radius: a middle that is so far off any smooth path, in the median, moves along none
 _REFERENCES = 3  # of a search without a path: scans that it begins with ...
 _EASED = (0.04, 0.025, 0.016)  # ... and the tolerance of each round from one of them
@@ -209,12 +208,6 @@ class Starts:
         basis = self.splines[1]
         off = middle - basis @ np.linalg.lstsq(basis, middle, rcond=None)[0]
         return bool(np.median(np.hypot(*off.T)) > _ERRATIC * math.sqrt(float(np.median(area)) / math.pi))
-
-    @property
-    def steady(self) -> bool:
-        """Whether the contact's area hardly changes: one rigid object's, or one that shares strips all along."""
-        area = centres(self.few)[1]
-        return len(self.scans.read) > 1 and bool(area.std() < _STEADY * area.mean())
 
     def best(self, turns: Sequence[int], kept: int) -> list[int]:
         """Return the turns that the best outlines come from."""
