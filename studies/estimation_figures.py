@@ -42,7 +42,7 @@ def fit_figure() -> Figure:
     left, right = add_axes(figure, 2, 1, 1), add_axes(figure, 2, 1, 2)
     scan = simulate(_COARSE, Contact.polygon(_SHAPE), _NOISE, rng=4)
     scan = Scan(kh=scan["kh"])
-    (found,) = fit_polygon(scan, _COARSE, _NOISE, assessment="none").objects  # the polygon, whatever else may be
+    (found,) = fit_polygon(scan, _COARSE, _NOISE).objects
     outline = Outline.of(found.vertices)
     left.plot(_COARSE.x_mm, scan["kh"], ".", color=COLOURS["kh"], markersize=4.0, label="$k_h$, as read")
     x = np.linspace(found.vertices[:, 0].min(), found.vertices[:, 0].max(), 800)

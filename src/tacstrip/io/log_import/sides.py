@@ -31,6 +31,9 @@ _FIRST, _LAST = (
     r"\b(?:first|erste[rn]?|premi\u00e8re|primer[ao]|prim[ao])",
     r"\b(?:last|letzte[rn]?|derni\u00e8re|ultim[ao])",
 )
+_SHIFTED = re.compile(
+    rf"\b{_STRIP}\s*#?([a-z])\b[^.;]{{0,20}}?\b{_STRIP}\s*#?\1\s*([-+])\s*([1-9]\d*)\b", re.IGNORECASE
+)
 _FEW = 2  # columns of which a strip is told
 # Of what touches, of one strip beside another, of the two ends of a strip, or of nothing.
 _OTHERWISE = re.compile(
@@ -51,7 +54,16 @@ def assigned_otherwise(columns: Mapping[str, int], lines: Sequence[str]) -> tupl
     ('wiring: A0 = strip 2 ... A2 = strip 0', True)
     >>> assigned_otherwise({"A0": 0, "A1": 1, "A2": 2}, ["A0 = strip 1, A1 = strip 2"])
     ('', False)
+    >>> assigned_otherwise({"A0": 0, "A1": 1, "A2": 2}, ["value in column n is from strip n-1"])
+    ('value in column n is from strip n-1', False)
     """
+    named = [
+        int(m[1]) for name in columns if not name.startswith("column ") and (m := re.search(r"(\d+)", name))
+    ]
+    for line in lines:
+        # Strip n + 1 of columns from 0 on, and n - 1 of columns from 1 on, are the same strips counted otherwise.
+        if (m := _SHIFTED.search(line)) and (not named or min(named) + int(m[2] + m[3]) not in (0, 1)):
+            return line, False
     told: dict[int, tuple[int, str]] = {}
     for name, strip in columns.items():
         bare = re.escape(re.sub(r"\s*[\[(].*", "", name))

@@ -34,6 +34,7 @@ ENOUGH_OF_ONE: Mapping[Effort, float] = {"thorough": 0.61, "fast": 0.52}
 _EVALUATIONS = {"thorough": 240_000, "fast": 14_000}
 _KEPT = {"thorough": 240, "fast": 100}
 _RATHER_WRONG, _BETTER = 0.5, 0.1  # an estimate less sure than this is given up for one that is so much surer
+_ROUNDED_BETTER = 0.3  # likewise a polygon for a rounded outline, for the vertices are lost with it
 # With one signature: log odds of being right, by kind of `doubts`, whose terms these go with. `studies/confidence.py`
 # fits them, but for that of an ellipse at the border (the fourth of its kinds).
 _FEW, _POLYGON, _ELLIPSE, _ROUNDED, _RIVALS = "few strips", "polygon", "ellipse", "rounded", ", rivals"
@@ -164,7 +165,7 @@ def assess(
         if rounded is not None and not isinstance(better or run.model, Ellipse):
             best = rounded.commonest()
             told_by = doubts_of_rounded(rounded, best, drawn, corners)
-            if (surer := told_by.probability(effort)) > confidence + _BETTER:
+            if (surer := told_by.probability(effort)) > confidence + _ROUNDED_BETTER:
                 confidence, better = surer, RoundedOutline.of(rounded, best, drawn.problem.lam)
                 own = drawn.overlap(rounded.ends[best]) >= PROMISED_IOU
     # Chi square of the better half of the draws; that of normal errors exceeds its mean by 3.5 deviations in .02 %.
