@@ -7,7 +7,7 @@ with the number of scans only.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -25,6 +25,7 @@ STEEPEST = 16.0  # slope squared from which an edge's tolerance grows no more
 DAMPING, EASED, LEAST, HOPELESS = 1e-3, 6.0, 1e-9, 1e8  # of the steps; what is added to the diagonal
 PINNED = 1e12  # weight of the pose that the frame is fixed to
 TOUCHES = 1e-12  # an edge no longer than this in x is vertical
+_BLOCK = 512  # scans that are linearised at a time
 _SETTLED = 1e-3  # gain in chi square, or in a pose's own cost its share, that ends a descent
 
 
@@ -301,6 +302,15 @@ def linearised(scans: RigidScans, corners: FloatArray, poses: FloatArray) -> Lin
         every.append(np.zeros((*scans.k.shape, *part[0].shape[2:])))
         every[-1][:, :, scans.reached] = np.stack(part, axis=1)
     return Linearised(every[0], every[1], every[2], x, y)
+
+
+def linearised_blocks(
+    scans: RigidScans, corners: FloatArray, poses: FloatArray
+) -> Iterator[tuple[IntArray, RigidScans, Linearised]]:
+    """Yield which scans, these, and what their strips read, some hundred at a time: of many strips that is large."""
+    for some in np.array_split(np.arange(len(poses)), max(-(-len(poses) // _BLOCK), 1)):
+        part = scans.of(some)
+        yield some, part, linearised(part, corners, poses[some])
 
 
 def plain_equations(scans: RigidScans, corners: FloatArray, poses: FloatArray, how: Loss) -> Equations:

@@ -8,7 +8,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.shape import Contact
-from tacstrip.core.rigid import Equations, RigidScans, equations, linearised, loss, reduced
+from tacstrip.core.rigid import Equations, RigidScans, equations, linearised_blocks, loss, reduced
 from tacstrip.errors import ContactError
 from tacstrip.sensor.spec import Sensor
 from tacstrip.simulation import simulate
@@ -72,8 +72,10 @@ def information(scans: RigidScans, corners: FloatArray, poses: FloatArray) -> Eq
     found = equations(scans, corners, poses, how)
     steepest = UPRIGHT / scans.sensor.length_mm
     if (found.pose[:, 0, 0] > (steepest / scans.sigma) ** 2).any():
-        upright = np.abs(linearised(scans, corners, poses).rows[..., 0]) > steepest
-        found = equations(replace(scans, k=np.where(upright, np.nan, scans.k)), corners, poses, how)
+        k = scans.k.copy()
+        for some, part, here in linearised_blocks(scans, corners, poses):
+            k[some] = np.where(np.abs(here.rows[..., 0]) > steepest, np.nan, part.k)
+        found = equations(replace(scans, k=k), corners, poses, how)
     return found
 
 
@@ -114,7 +116,9 @@ def following(scans: RigidScans, corners: FloatArray, poses: FloatArray) -> floa
 
     That is the square root of their integrated autocorrelation, as for the mean of a series. Scans in order of time.
     """
-    left, alike = scans.k - linearised(scans, corners, poses).model, 0.0
+    left, alike = scans.k.copy(), 0.0
+    for some, _, here in linearised_blocks(scans, corners, poses):
+        left[some] -= here.model
     for lag in range(1, min(_LAGS, len(left) // 2)):
         a, b = left[:-lag], left[lag:]
         both = np.isfinite(a) & np.isfinite(b)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tacstrip.arrays import FloatArray
-from tacstrip.core.rigid import Equations, RigidScans, linearised
+from tacstrip.core.rigid import Equations, RigidScans, linearised_blocks
 from tacstrip.tracking.rigid.corners import FEWEST, Fit, faintest, fitted, not_sure, without
 from tacstrip.tracking.rigid.covariance import UPRIGHT, information, without_poses
 
@@ -137,17 +137,21 @@ def without_needless_corners(scans: RigidScans, offsets: Offsets, fit: Fit) -> t
 
 def with_offsets(scans: RigidScans, fit: Fit, found: Equations, deviation: float) -> Equations:
     """Return the equations of corners and poses with one offset per channel that is read after the corners."""
-    here, own = linearised(scans, fit.corners, fit.poses), scans.channels
-    many, size = len(fit.poses), 3 + fit.corners.size
-    rows = here.rows.reshape(many, -1, size)[:, own]
-    left = (scans.k - here.model).reshape(many, -1)[:, own] / scans.sigma**2
-    there = np.isfinite(left) & (np.abs(rows[..., 0]) <= UPRIGHT / scans.sensor.length_mm)
-    rows *= there[..., None] / scans.sigma**2
-    cross = rows[..., 3:].sum(axis=0).T
-    known = np.diag(there.sum(axis=0) / scans.sigma**2 + deviation**-2)
+    own, size, many = scans.channels, 3 + fit.corners.size, len(fit.poses)
+    by_pose = np.empty((many, 3, len(own)))
+    cross, known, slope = np.zeros((size - 3, len(own))), np.zeros(len(own)), np.zeros(len(own))
+    for some, part, here in linearised_blocks(scans, fit.corners, fit.poses):
+        rows = here.rows.reshape(len(some), -1, size)[:, own]
+        left = (part.k - here.model).reshape(len(some), -1)[:, own] / scans.sigma**2
+        there = np.isfinite(left) & (np.abs(rows[..., 0]) <= UPRIGHT / scans.sensor.length_mm)
+        rows *= there[..., None] / scans.sigma**2
+        by_pose[some] = rows[..., :3].transpose(0, 2, 1)
+        cross += rows[..., 3:].sum(axis=0).T
+        known += there.sum(axis=0)
+        slope += np.where(there, left, 0.0).sum(axis=0)
     return replace(
         found,
-        mixed=np.concatenate([found.mixed, rows[..., :3].transpose(0, 2, 1)], axis=2),
-        shape=np.block([[found.shape, cross], [cross.T, known]]),
-        shape_slope=np.concatenate([found.shape_slope, np.where(there, left, 0.0).sum(axis=0)]),
+        mixed=np.concatenate([found.mixed, by_pose], axis=2),
+        shape=np.block([[found.shape, cross], [cross.T, np.diag(known / scans.sigma**2 + deviation**-2)]]),
+        shape_slope=np.concatenate([found.shape_slope, slope]),
     )
