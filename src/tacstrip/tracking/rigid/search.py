@@ -58,7 +58,6 @@ _WITHIN = 8.0  # of the best criterion: fits that explain the readings as well
 _WITHIN_KINKS = 16.0  # likewise of concave ones, which seldom come to rest at their least cost
 _UNLIKELY = 0.05  # odds of another count of corners, against the best fit, that are taken for none
 _LOST = 0.5  # of the scans: a polygon that leaves more will not explain them once it is settled
-_SOME = 0.15  # of the scans: an outline that leaves fewer is about right
 _WORTH_SETTLING = 1.6  # times the freedom: fits that may, once they are settled
 _NO_OFFSETS = 50.0  # likewise: offsets do not explain so much
 _SOFT, _HARD = 0.25, 0.1  # pitches that an end of an outline is off
@@ -490,10 +489,7 @@ def _compared(scans: RigidScans, fits: list[Fit], distribution: str, within: flo
     """Return the best of fits of all scans, without corners that it does not need, and those that are about as good."""
     every = sorted(fits, key=lambda f: f.criterion(scans))
     best = every[0]
-    about_right = best.cost < _WORTH_SETTLING * best.freedom(scans)
-    if not needs_smooth_motion(scans):  # where poses alone may explain most scans of a wrong outline
-        about_right |= len(bad_scans(scans, best)) < _SOME * len(scans.k)
-    if about_right:
+    if best.cost < _WORTH_SETTLING * best.freedom(scans):
         best, counts = recounted(scans, best)
         every += counts
         concave = bool(reflex(best.corners).any())
