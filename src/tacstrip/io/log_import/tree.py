@@ -339,7 +339,7 @@ def _outer(
     leaves: Sequence[tuple[int, Path, Any]], labels: set[tuple[int, Path]], order: Sequence[tuple[int, Path]],
     depth: int,
 ) -> tuple[dict[str, dict[tuple[int, Path], str]] | None, list[str]]:  # fmt: skip
-    """Return the columns of what belongs to whole scans: times, numbers, names of sources; and what is said of all."""
+    """Return the columns of what belongs to whole scans: times, numbers, names of sources; and what belongs to all."""
     columns: dict[str, dict[tuple[int, Path], str]] = {}
     texts: dict[str, list[Any]] = {}
     by_doc: dict[int, list[Path]] = {}
