@@ -300,8 +300,9 @@ def _trial(folder: Path, words: list[str], random: np.random.Generator) -> tuple
         (folder / name).write_bytes(data)
         code, printed, said, wrong = run(folder, [w.lstrip("@%") for w in words])
         wrong = wrong or _wrong(folder, outputs, code, printed, said)
-        # `import` may ask, and to `sweep` a design that cannot be is a row that says so.
-        row = words[0] == "sweep" and code == 0 and "the column problem says why" in printed
+        # `import` may ask, or leave a line out and name it; to `sweep` a design that cannot be is a row that says so.
+        aloud = {"sweep": "the column problem says why", "import": "left out: line"}.get(words[0])
+        row = aloud is not None and code == 0 and aloud in printed + said
         met = code == 2 or row or (words[0], code) == ("import", 1)
         if not wrong and refused and not met:
             wrong = f"a number that is none was taken: exit code {code}"

@@ -60,3 +60,16 @@ def covariance(jacobian: FloatArray) -> FloatArray:
     found[unbounded, :] = found[:, unbounded] = np.nan
     found[unbounded, unbounded] = np.inf
     return np.asarray(found)
+
+
+def positive_part(matrix: FloatArray) -> FloatArray:
+    """Return the nearest covariance to a difference of two (P, P): its negative eigenvalues are 0.
+
+    Rows of parameters that are not identified, with inf on the diagonal, stay as they are.
+    """
+    known = np.isfinite(matrix.diagonal())
+    block = np.ix_(known, known)
+    value, vector = np.linalg.eigh(np.nan_to_num(matrix[block], posinf=0.0, neginf=0.0))
+    found = matrix.copy()
+    found[block] = (vector * np.maximum(value, 0.0)) @ vector.T
+    return found

@@ -17,6 +17,7 @@ import tacstrip as ts
 from studies.holdout.readings import Unit, white
 from studies.holdout.score import CLAIMS, FINAL, RIGHT
 from studies.holdout.shapes import Array, counter_clockwise
+from tacstrip.errors import one_of
 
 _SIDE = 100.0  # of the sensor [mm]
 _APART_S = 0.01  # from scan to scan
@@ -465,8 +466,11 @@ def main() -> None:
     given = options.parse_args()
     if given.seed >= FINAL and not given.final:
         options.error(f"seeds from {FINAL} on decide: --final")
+    rows = given.rows.split(";") if given.rows else list(ROWS)
+    if unknown := [name for name in rows if name not in ROWS]:
+        options.error(one_of("--rows", unknown[0], ROWS))
     print(HEAD, flush=True)  # noqa: T201
-    for name in given.rows.split(";") if given.rows else ROWS:
+    for name in rows:
         found = []
         for number in range(given.scenes):
             of = scene(name, given.seed, number)

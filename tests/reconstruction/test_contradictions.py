@@ -50,6 +50,37 @@ def test_a_known_object_across_the_seam_of_a_tube_is_one() -> None:
     assert ts.mismatch(shape, found.vertices, around_mm=120.0).iou > 0.9
 
 
+def test_an_area_above_what_the_touched_strips_hold_is_said() -> None:
+    scan = ts.simulate(SENSOR, ts.Contact.polygon([(27, 40), (48, 60), (43, 90)]), NOISE, rng=1)
+    one = ts.Scan(kh=scan.kh)  # which alone tells too little of the area to contradict any
+    found = ts.fit_polygon(one, SENSOR, NOISE, area_mm2=9000.0, assessment="fast").objects[0]
+    assert found.status == "doubtful"
+    assert "more than the touched strips hold, 4500 mm2" in found.advice
+
+
+@pytest.mark.parametrize("area", [1e12, 1e-6, -3.0, 0.0, float("nan"), (700.0, float("nan")), (700.0, 1e9)])
+def test_an_area_that_no_contact_has_is_refused_with_the_limits(area: float | tuple[float, float]) -> None:
+    scan = ts.simulate(SENSOR, ts.Contact.polygon(PENTAGON), NOISE, rng=1)
+    with pytest.raises(ts.OptionError, match=r"is 0\.075 to 15000 mm2"):
+        ts.fit_polygon(scan, SENSOR, NOISE, area_mm2=area)
+
+
+def test_correlated_errors_leave_no_variance_below_0() -> None:
+    """Some heights are identified by nothing, which cuts what the others covary with."""
+    sensor = ts.Sensor(
+        construction="crs-m", strips=32, pitch_mm=3.0, length_mm=40.0, strip_width_mm=1.6, adc_bits=12
+    )
+    flat, noise = (
+        ts.Contact.polygon([(0.7, 16.3), (2.5, 11.9), (89.4, 9.4), (94.1, 15.3)]),
+        ts.Noise(gain=0.002),
+    )
+    for seed in (1, 3, 11):
+        scan = ts.simulate(sensor, flat, noise, rng=seed)
+        (found,) = ts.fit_polygon(scan, sensor, noise, assessment="none").objects
+        assert found.covariance is not None
+        assert (found.covariance.diagonal() >= 0.0).all()
+
+
 @pytest.mark.parametrize("given", [{"area_mm2": "3000"}, {"area_mm2": (1.0, 2.0, 3.0)}, {"vertices": 5.5}])
 def test_values_of_other_kinds_get_a_sentence(given: dict[str, object]) -> None:
     scan = ts.simulate(SENSOR, ts.Contact.polygon(PENTAGON), NOISE, rng=1)

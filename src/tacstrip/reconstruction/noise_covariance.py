@@ -16,6 +16,7 @@ import numpy as np
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.contact.signature import signatures
 from tacstrip.core.problem import FLOOR
+from tacstrip.fisher import positive_part
 from tacstrip.geometry.outline import Outline
 from tacstrip.scan import Scan
 from tacstrip.sensor.closed_form import reading_jacobian
@@ -258,7 +259,10 @@ class CorrelatedErrors:
     def propagated(self, covariance: FloatArray) -> FloatArray:
         """Return the vertices' covariance with these errors, from that with independent ones of `sigma` (2 V, 2 V)."""
         gain = np.nan_to_num(covariance, nan=0.0, posinf=0.0) @ self.jacobian.T / self.sigma**2
-        return np.asarray(covariance + gain @ self.matrix @ gain.T - self.sigma**2 * gain @ gain.T)
+        known = positive_part(
+            covariance - self.sigma**2 * gain @ gain.T
+        )  # without readings; rounded, or cut by NaN
+        return np.asarray(known + gain @ self.matrix @ gain.T)
 
     def whitened(self, covariance: FloatArray) -> tuple[FloatArray, int]:
         """Return what the best outline of this kind leaves over, independent and over sigma (S, n), and its freedom.

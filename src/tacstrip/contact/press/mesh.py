@@ -68,15 +68,16 @@ class Mesh:
             raise ContactError(f"{name}: holds no triangles; give a mesh (.stl, .obj, .ply)")
         if not np.isfinite(found.vertices).all():
             raise ContactError(f"{name}: has corners that are not finite numbers")
-        found.process()
-        found.apply_scale(_UNITS_MM[unit])
-        size = float(np.ptp(found.bounds, axis=0).max())
+        with np.errstate(over="ignore"):
+            size = _UNITS_MM[unit] * float(np.ptp(found.bounds, axis=0).max())
         if not _SMALLEST_MM <= size <= _LARGEST_MM:
             other = "metres" if size < _SMALLEST_MM else "another unit"
             raise ContactError(
                 f"{name}: is {size:.3g} mm large by unit={unit!r}; is it in {other}? Units "
                 f"are: {', '.join(_UNITS_MM)}"
             )
+        found.process()
+        found.apply_scale(_UNITS_MM[unit])
         found.merge_vertices()
         if found.is_watertight:
             try:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from numbers import Real
 from threading import Lock
 
 import numpy as np
@@ -42,6 +43,7 @@ from tacstrip.sensor.spec import Sensor
 
 _AT_ONCE, _PARTS = 16, 4  # scans that the core takes in one call, and calls for each thread at least
 _ABOUT = 0.2  # of an area that is given without its standard deviation
+_LEAST_AREA = 1e-4  # of a strip's: smaller ones no reading tells
 
 
 @takes(scan=Scan, sensor=Sensor, noise=Noise)
@@ -126,7 +128,6 @@ def _fit_polygon(
     check_effort(assessment)
     if vertices is not None and not isinstance(vertices, int | np.integer):
         raise OptionError(f"vertices = {vertices!r}: give a whole number")
-    area = _known_area(area_mm2)
     noise = sensor.noise if noise is None else noise
     if sensor.surface is not None:
         if area_mm2 is not None:
@@ -140,6 +141,7 @@ def _fit_polygon(
         raise OptionError(
             f"vertices = {vertices}: a polygon has 3 or more, and here {MAX_VERTICES + 2} at most"
         )
+    area = _known_area(area_mm2, sensor)
     laid_out, surface = unrolled(scan, sensor, BRIDGED)
     contacts = _contacts(laid_out, surface, noise, max_vertices, vertices, ready)
     if contacts and contacts[-1].strips.start >= sensor.strips:  # near the seam, not across it
@@ -314,19 +316,22 @@ def _contacts(
     return found
 
 
-def _known_area(area_mm2: float | tuple[float, float] | None) -> tuple[float, float] | None:
+def _known_area(area_mm2: float | tuple[float, float] | None, sensor: Sensor) -> tuple[float, float] | None:
     """Return the area's mean and standard deviation [mm^2]."""
     if area_mm2 is None:
         return None
     given = area_mm2 if isinstance(area_mm2, tuple) else (area_mm2,)
-    if len(given) not in (1, 2) or not all(isinstance(a, int | float) for a in given):
+    if len(given) not in (1, 2) or not all(isinstance(a, Real) and not isinstance(a, bool) for a in given):
         raise OptionError(
             f"area_mm2 = {area_mm2!r}: give a number, or two, the area and its standard deviation"
         )
     mean, sigma = float(given[0]), float(given[1]) if len(given) == 2 else _ABOUT * float(given[0])
-    if not (0.0 < mean < np.inf and 0.0 < sigma < np.inf):
+    most = sensor.width_mm * sensor.length_mm
+    least = _LEAST_AREA * sensor.pitch_mm * sensor.length_mm
+    if not (least <= mean <= most and 0.0 < sigma <= most):
         raise OptionError(
-            f"area_mm2 = {area_mm2}: a positive number, or two, the area and its standard deviation"
+            f"area_mm2 = {area_mm2}: an area on this sensor is {least:.3g} to {most:.6g} mm2, a ten-thousandth of a "
+            f"strip to all of it, and its standard deviation above 0, to {most:.6g} mm2"
         )
     return mean, sigma
 

@@ -13,6 +13,7 @@ from tacstrip.contact.noise import Noise
 from tacstrip.core.outline_model import OutlineModel
 from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.core.search import fit_counts
+from tacstrip.fisher import positive_part
 from tacstrip.geometry.moments import deviations, moments
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.contact_ends import closed_ends
@@ -196,7 +197,7 @@ def reconstruct_object(
         slopes = covariance if errors is None else _by_slopes(model, run, sensor, covariance)
     if errors is not None:
         with np.errstate(invalid="ignore"):  # what nothing tells is infinite in both
-            loose = np.nan_to_num(covariance - slopes, nan=0.0, posinf=0.0, neginf=0.0)
+            loose = positive_part(np.nan_to_num(covariance - slopes, nan=0.0, posinf=0.0, neginf=0.0))
         covariance = errors.propagated(slopes) + loose
     second = signature_advice(sensor) if len(run.problem.k) == 1 else ""
     never = bool(second) and few_strips(run)
@@ -218,7 +219,7 @@ def reconstruct_object(
         wrong = "" if noise is not None else uncounted or _OTHERS.format(100.0 * run.sigma, remedies)
     wrong = wrong or uncounted
     if area_mm2 is not None and not wrong:
-        wrong = _other_area(outline, covariance, area_mm2)
+        wrong = _other_area(outline, covariance, area_mm2, (len(x) + 1) * sensor.pitch_mm * sensor.length_mm)
     # A confidence takes the readings for explained, if by others than the fit.
     explained = not wrong or (wrong == uncounted and assessed.better is not None)
     confidence, alternatives = assessed.confidence if explained else None, assessed.alternatives
@@ -291,9 +292,14 @@ def _uncounted(
     )
 
 
-def _other_area(outline: Outline, covariance: FloatArray, area_mm2: tuple[float, float]) -> str:
-    """Say that the readings and the area that was given contradict each other; "" where they do not."""
+def _other_area(outline: Outline, covariance: FloatArray, area_mm2: tuple[float, float], most: float) -> str:
+    """Say that the readings and the area that was given contradict each other; "" where they do not.
+
+    `most`: what the touched strips hold, and half the gap to the next ones [mm^2].
+    """
     (mean, sigma), area = area_mm2, moments(outline.vertices)[0]
+    if mean > most:
+        return f"the area given, {mean:.4g} mm2, is more than the touched strips hold, {most:.4g} mm2: check both"
     own = deviations(outline.vertices, covariance)[0]
     if abs(area - mean) <= _FAR_AREA * math.hypot(sigma, own):
         return ""
