@@ -563,7 +563,7 @@ def test_ranges_hold_where_places_are_off_and_nobody_said_so() -> None:
     made = plan(sensor, 0.2, ts.Noise(positional=0.002))
     places = np.array([(l, w) for l, w, times in made.contacts for _ in range(times)])
     rng, off = np.random.default_rng(3), []
-    for _ in range(60):
+    for _ in range(20):
         errors = rng.uniform(-0.1, 0.1, places.shape) * (places > 0.0)
         l, w = (np.repeat(v[:, None], 7, axis=1) for v in (places + errors).T)
         raw = ts.signatures(truth, l, l + w)["k"] + rng.uniform(-0.0012, 0.0012, l.shape)

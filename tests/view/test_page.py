@@ -52,9 +52,11 @@ def browser() -> Iterator[Any]:
 
 @pytest.fixture
 def server(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Server]:
-    sensor, rate_hz, objects = getattr(request, "param", (SENSOR, RATE_HZ, OBJECTS))
+    """One rigid outline of all scans is searched for where a test looks at it: corners that are dragged have none."""
+    sensor, rate_hz, objects, tracks = getattr(request, "param", (SENSOR, RATE_HZ, OBJECTS, False))
     simulator = Simulator(Settings(sensor, rate_hz), objects)
-    with Live(simulator.source(), next_source=simulator.source) as live, background_process() as executor:
+    stream = Live(simulator.source(), next_source=simulator.source, tracks=tracks)
+    with stream as live, background_process() as executor:
         made = Server(Controller(live, executor, simulator, tmp_path), Access("127.0.0.1"))
         yield made
         made.close()
@@ -232,7 +234,7 @@ def test_a_page_without_news_is_dimmed_and_a_new_server_is_heard(browser: Any, s
     page.locator("#line").filter(has_text="not connected").wait_for()
     wait_until(lambda: page.evaluate(stale))
     simulator = Simulator(Settings(SENSOR, RATE_HZ), OBJECTS)
-    with Live(simulator.source()) as live:
+    with Live(simulator.source(), tracks=False) as live:
         live.notify("after the restart")  # its first message, as "one" was
         controller = Controller(live, server.controller.health._executor, simulator)
         again = Server(controller, Access("127.0.0.1"), server.port)
@@ -274,7 +276,10 @@ def test_pictures(
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "server", [(ts.Sensor.load("layered-crs-crs"), 50.0, ON_SHARED_STRIPS)], indirect=True, ids=["layered"]
+    "server",
+    [(ts.Sensor.load("layered-crs-crs"), 50.0, ON_SHARED_STRIPS, False)],
+    indirect=True,
+    ids=["layered"],
 )
 def test_two_layers_and_their_objects_are_drawn(open_page: Callable[..., Any], tmp_path: Path) -> None:
     page = open_page(viewport={"width": 1000, "height": 860})
@@ -284,7 +289,7 @@ def test_two_layers_and_their_objects_are_drawn(open_page: Callable[..., Any], t
 
 
 @pytest.mark.skipif(exported("rigid_descend") is None, reason="NumPy takes minutes to find the shape")
-@pytest.mark.parametrize("server", [(SENSOR, 50.0, OBJECTS)], indirect=True, ids=[""])
+@pytest.mark.parametrize("server", [(SENSOR, 50.0, OBJECTS, True)], indirect=True, ids=[""])
 def test_the_shape_from_all_scans_is_drawn_beside_the_single_one(
     open_page: Callable[..., Any], server: Server, tmp_path: Path
 ) -> None:
@@ -313,7 +318,8 @@ def test_the_shape_from_all_scans_is_drawn_beside_the_single_one(
 
 def test_a_solid_is_pressed_into_a_fingertip_that_is_shown_in_space(browser: Any, tmp_path: Path) -> None:
     simulator = Simulator(Settings(ts.Sensor.load("fingertip"), 25.0, ts.Noise(positional=0.001)))
-    with Live(simulator.source(), next_source=simulator.source) as live, background_process() as executor:
+    stream = Live(simulator.source(), next_source=simulator.source, tracks=False)
+    with stream as live, background_process() as executor:
         server = Server(Controller(live, executor, simulator, tmp_path), Access("127.0.0.1"))
         page, faults = _page(browser, viewport={"width": 1000, "height": 800}), list[str]()
         page.on("pageerror", lambda error: faults.append(str(error)))

@@ -36,7 +36,7 @@ def simulator(request: pytest.FixtureRequest) -> Simulator:
 
 @pytest.fixture
 def live(simulator: Simulator) -> Iterator[Live]:
-    stream = Live(simulator.source(), next_source=simulator.source)
+    stream = Live(simulator.source(), next_source=simulator.source, tracks=False)
     with stream:
         yield stream
 
@@ -358,7 +358,7 @@ def test_the_simulator_changes_its_sensor(
 
 def test_two_layers_are_shown_where_they_lie_and_keep_their_strips(tmp_path: Path) -> None:
     simulator = Simulator(Settings(ts.Sensor.load("layered-crs-crs"), 50.0))
-    with Live(simulator.source()) as live, ThreadPoolExecutor(1) as executor:
+    with Live(simulator.source(), tracks=False) as live, ThreadPoolExecutor(1) as executor:
         controller = Controller(live, executor, simulator, tmp_path)
         about = controller.hello(control=True)
         controller.watched(True)

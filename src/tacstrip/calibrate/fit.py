@@ -439,10 +439,9 @@ class _Eliminated:
         still = np.eye(own.shape[2]) * ~np.asarray((weight > 0.0).any(axis=0))[:, None, None]
         still = still if still.any() else still[:, :0]
         own = np.concatenate([own, still], axis=1)
-        common = np.pad(common, ((0, 0), (0, still.shape[1]), (0, 0)))
         lack = max(0, own.shape[2] - own.shape[1])
         self.root, self.lack = root[..., 0], lack + still.shape[1]
-        own, common = (np.pad(v, ((0, 0), (0, lack), (0, 0))) for v in (own, common))
+        own, common = _with_zeros(own, lack), _with_zeros(common, self.lack)
         self.q, self.r = np.linalg.qr(own)
         self.t = np.swapaxes(self.q, 1, 2) @ common  # (strips, own, common)
         self.z = common - self.q @ self.t
@@ -461,10 +460,10 @@ class _Eliminated:
     def solve(self, white: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the steps of shared and own parameters, and the errors of places, from whitened residuals."""
         b = np.moveaxis(white * self.root, 2, 0).reshape(len(self.q), -1)
-        b = np.pad(np.concatenate([b, -self.prior], axis=1), ((0, 0), (0, self.lack)))[..., None]
+        b = _with_zeros(np.concatenate([b, -self.prior], axis=1), self.lack)[..., None]
         along = np.swapaxes(self.q, 1, 2) @ b
         right = (b - self.q @ along).ravel()
-        shared = np.linalg.lstsq(self.rest, np.pad(right, (0, self.errors)), rcond=1e-10)[0]
+        shared = np.linalg.lstsq(self.rest, _with_zeros(right[None], self.errors)[0], rcond=1e-10)[0]
         errors = self._errors_from(self.of_errors.T @ right) - self.by_shared @ shared
         common = np.concatenate([shared, errors])
         own = np.linalg.pinv(self.r, rcond=1e-10) @ (along - self.t @ common[:, None])
@@ -534,6 +533,11 @@ class _Eliminated:
             rows = np.concatenate([np.linalg.solve(noise, above), below])
             found[strip] = covariance(rows)
         return shared, found
+
+
+def _with_zeros(rows: FloatArray, count: int) -> FloatArray:
+    """Return rows (strips, rows, ...) and so many more of zeros; `np.pad` does the same in ten times the time."""
+    return np.concatenate([rows, np.zeros((len(rows), count, *rows.shape[2:]))], axis=1) if count else rows
 
 
 def _cost(here: Linear, residual: FloatArray, constants: Constants, weight: FloatArray) -> float:
