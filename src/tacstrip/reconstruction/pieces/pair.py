@@ -32,9 +32,11 @@ _OVERHANG, _WITHIN_A_STRIP, _POINTED = 0.2, 2.0, 2.0
 # From log odds by that prior to those of drawn pairs and concave shapes, as many of each: a constant, a factor, and
 # what it tells that pieces are apart wherever they are seen, which jumps one by one do not.
 _CONSTANT, _FACTOR, _APART = -1.0, 0.7, 2.2
-# Log odds of a pair to one convex object, of which some four times as many are met: a constant, and powers of an end's
-# jump over the contact's breadth and of the width at the other end, at least so much, over the contact's height.
-_OF_CONVEX, _BY_JUMP, _BY_WIDTH, _TIP = -0.6, 4.0, 1.25, 0.05
+# Log odds of a pair to one convex object, of which some four times as many are met, fitted to drawn ones: a constant,
+# powers of an end's jump over the contact's breadth and of the width (at least so much) at the other side over its
+# height, and what parallel sides tell, within so many deviations of chi square.
+_OF_CONVEX, _BY_JUMP, _BY_WIDTH, _TIP = -0.25, 3.85, 1.45, 0.05
+_BY_PARALLEL, _PARALLEL = -3.0, 3.0
 _LEAST = 0.01  # probability by that prior, from which two objects are told
 
 
@@ -165,14 +167,26 @@ def _log_odds_to_convex(ends: Ends, both: _Places) -> float:
 
     One object is about as broad as it is high: that an edge rises far within a pitch is the rarer, the further it does
     so over the contact's breadth. Of two objects one begins at any height beside the other; at the side where they
-    begin or end together the contact is wide, and that of one object often pointed.
+    begin or end together the contact is wide, and that of one object often pointed. Sides of one are often parallel.
     """
     n, broad = len(ends.x), len(ends.x) * ends.pitch
     begins = [(side, strip) for side, place in enumerate(both) for strip in place if 0 < strip < n]
     jump = max(ends.pitch, *(abs(float(ends.y[side, i] - ends.y[side, i - 1])) for side, i in begins))
     together = [end for end, at in ((0, 1), (-1, n - 1)) if at not in (strip for _, strip in begins)]
     wide = min((float(np.ptp(ends.y[:, end]) / np.ptp(ends.y)) for end in together), default=1.0)
-    return _OF_CONVEX + _BY_JUMP * math.log(jump / broad) + _BY_WIDTH * math.log(max(wide, _TIP))
+    odds = _OF_CONVEX + _BY_JUMP * math.log(jump / broad) + _BY_WIDTH * math.log(max(wide, _TIP))
+    return odds + _BY_PARALLEL * _parallel(ends, both)
+
+
+def _parallel(ends: Ends, both: _Places) -> bool:
+    """Whether parallel lines explain the lower object's l and the upper one's u."""
+    own = np.stack([_strips(len(ends.x), *place) for place in both])
+    side, strip = np.nonzero(own)
+    lines = np.column_stack([side == 0, side == 1, ends.x[strip] - ends.x.mean()]) / ends.sigma[own][:, None]
+    target = ends.y[own] / ends.sigma[own]
+    off = target - lines @ np.linalg.lstsq(lines, target, rcond=None)[0]
+    freedom = len(target) - 3
+    return float(off @ off) <= freedom + _PARALLEL * math.sqrt(2.0 * freedom)
 
 
 def _log_odds(ends: Ends, both: _Places, parts: _Chains) -> float:
