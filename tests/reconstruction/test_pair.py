@@ -24,3 +24,25 @@ def test_no_chain_is_fitted_to_no_strips(monkeypatch: pytest.MonkeyPatch) -> Non
     ends = pair.Ends(x, np.stack([low, np.full(12, 60.0)]), np.full((2, 12), 0.1), 1.0)
     assert pair.likeliest_pair(ends, ([6], [6]), ([6], []), apart=True) is not None
     assert min(sizes) > 0
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "least", "most"),
+    [
+        ([69.0, 17.2, 20.0, 28.0], [73.7, 80.0, 82.0, 83.0], 0.5, 1.0),
+        ([69.0, 17.2, 17.4, 17.6], [73.7, 73.9, 74.1, 74.3], 0.0, 0.25),  # parallel sides
+        ([69.0, 17.2, 30.0, 45.0], [73.7, 80.0, 62.0, 46.0], 0.0, 0.25),  # pointed at the other side
+        (
+            [45.0, 17.2, 20.0, 28.0],
+            [50.7, 52.0, 54.0, 55.0],
+            0.0,
+            0.25,
+        ),  # the jump is short beside the breadth
+    ],
+)
+def test_an_edge_that_crosses_one_strip_or_a_second_object(
+    low: list[float], high: list[float], least: float, most: float
+) -> None:
+    ends = pair.Ends(np.arange(4.0) * 8.0, np.array([low, high]), np.full((2, 4), 0.1), 8.0)
+    found = pair.likeliest_pair(ends, ([1], []), None)
+    assert least < (0.01 if found is None else found.probability) < most

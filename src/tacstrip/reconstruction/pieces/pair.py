@@ -32,8 +32,11 @@ _OVERHANG, _WITHIN_A_STRIP, _POINTED = 0.2, 2.0, 2.0
 # From log odds by that prior to those of drawn pairs and concave shapes, as many of each: a constant, a factor, and
 # what it tells that pieces are apart wherever they are seen, which jumps one by one do not.
 _CONSTANT, _FACTOR, _APART = -1.0, 0.7, 2.2
-# The same to one convex object, of which some four times as many are met as of pairs.
-_OF_CONVEX, _FACTOR_OF_CONVEX = -3.5, 2.0
+# Log odds of a pair to one convex object, of which some four times as many are met, fitted to drawn ones: a constant,
+# powers of an end's jump over the contact's breadth and of the width (at least so much) at the other side over its
+# height, and what parallel sides tell, within so many deviations of chi square.
+_OF_CONVEX, _BY_JUMP, _BY_WIDTH, _TIP = -0.25, 3.85, 1.45, 0.05
+_BY_PARALLEL, _PARALLEL = -3.0, 3.0
 _LEAST = 0.01  # probability by that prior, from which two objects are told
 
 
@@ -96,6 +99,7 @@ def likeliest_pair(
         Whether convex pieces that explain the readings touch nowhere.
     """
     n, best, found = len(ends.x), math.log(_LEAST / (1.0 - _LEAST)), None
+    limit = math.inf if corners is None else math.log(4.0 / _OVERHANG)
     y, weight = ends.y * [[1.0], [-1.0]], 1.0 / ends.sigma**2
 
     @cache
@@ -114,25 +118,22 @@ def likeliest_pair(
     )
     for both in _places(n, places):
         # Where the lower object is, l is its; where the upper one is, u is its; elsewhere the other's.
-        most, more, parts = math.log(4.0 / _OVERHANG), -least, ([], [])  # type: float, float, tuple[list[FloatArray], ...]
+        more, parts = -least, ([], [])  # type: float, tuple[list[FloatArray], ...]
         for (side, place), inside in product(enumerate(both), (True, False)):
-            if most - 0.5 * max(more, 0.0) <= best:
+            if limit - 0.5 * max(more, 0.0) <= best:
                 break
             fitted, chi_square = chain(side, *place, inside)
             parts[side].append(fitted)
             more += chi_square
-        if most - 0.5 * max(more, 0.0) <= best:
+        if limit - 0.5 * max(more, 0.0) <= best:
             continue
-        odds = _log_odds(ends, both, parts, corners is None) - 0.5 * max(more, 0.0)
+        prior = _log_odds_to_convex(ends, both) if corners is None else _log_odds(ends, both, parts)
+        odds = prior - 0.5 * max(more, 0.0)
         if odds > best and (shown := _shown(ends, both, parts)) is not None:
             best, found = odds, shown
     if found is None:
         return None
-    odds = (
-        _OF_CONVEX + _FACTOR_OF_CONVEX * best
-        if corners is None
-        else _CONSTANT + _FACTOR * best + _APART * apart
-    )
+    odds = best if corners is None else _CONSTANT + _FACTOR * best + _APART * apart
     return Pair(*found, 1.0 / (1.0 + math.exp(-odds)))
 
 
@@ -161,12 +162,38 @@ def _places(n: int, corners: Sequence[Sequence[int]]) -> Iterator[_Places]:
             yield (whole, place) if upper else (place, whole)
 
 
-def _log_odds(ends: Ends, both: _Places, parts: _Chains, convex: bool) -> float:
-    """Return the log odds of two objects so placed to one, but for what each leaves of the readings.
+def _log_odds_to_convex(ends: Ends, both: _Places) -> float:
+    """Return the log odds of two objects so placed to one convex one, of which an edge crosses just an outermost strip.
+
+    One object is about as broad as it is high: that an edge rises far within a pitch is the rarer, the further it does
+    so over the contact's breadth. Of two objects one begins at any height beside the other; at the side where they
+    begin or end together the contact is wide, and that of one object often pointed. Sides of one are often parallel.
+    """
+    n, broad = len(ends.x), len(ends.x) * ends.pitch
+    begins = [(side, strip) for side, place in enumerate(both) for strip in place if 0 < strip < n]
+    jump = max(ends.pitch, *(abs(float(ends.y[side, i] - ends.y[side, i - 1])) for side, i in begins))
+    together = [end for end, at in ((0, 1), (-1, n - 1)) if at not in (strip for _, strip in begins)]
+    wide = min((float(np.ptp(ends.y[:, end]) / np.ptp(ends.y)) for end in together), default=1.0)
+    odds = _OF_CONVEX + _BY_JUMP * math.log(jump / broad) + _BY_WIDTH * math.log(max(wide, _TIP))
+    return odds + _BY_PARALLEL * _parallel(ends, both)
+
+
+def _parallel(ends: Ends, both: _Places) -> bool:
+    """Whether parallel lines explain the lower object's l and the upper one's u."""
+    own = np.stack([_strips(len(ends.x), *place) for place in both])
+    side, strip = np.nonzero(own)
+    lines = np.column_stack([side == 0, side == 1, ends.x[strip] - ends.x.mean()]) / ends.sigma[own][:, None]
+    target = ends.y[own] / ends.sigma[own]
+    off = target - lines @ np.linalg.lstsq(lines, target, rcond=None)[0]
+    freedom = len(target) - 3
+    return float(off @ off) <= freedom + _PARALLEL * math.sqrt(2.0 * freedom)
+
+
+def _log_odds(ends: Ends, both: _Places, parts: _Chains) -> float:
+    """Return the log odds of two objects so placed to one concave one, but for what each leaves of the readings.
 
     Of two objects one begins at any height beside the other; that it does so within a strip is a coincidence. An edge
-    of one object may have any direction: that it rises far within a pitch is one, unless the object overhangs, which no
-    convex one does.
+    of one object may have any direction: that it rises far within a pitch is one, unless the object overhangs.
     """
     n, height = len(ends.x), float(np.ptp(ends.y))
     of_two, of_one, overhang = 0.0, 0.0, 0.0
@@ -178,16 +205,10 @@ def _log_odds(ends: Ends, both: _Places, parts: _Chains, convex: bool) -> float:
             of_two += math.log(min(_WITHIN_A_STRIP / n, 1.0)) - math.log(0.5 + 0.5 * pointed)
     for side, place in enumerate(both):
         for strip in place:
-            # At the outer strip an edge of a concave one may be as steep.
-            if 1 < strip < n - 1 or (convex and 0 < strip < n):
+            if 1 < strip < n - 1:  # at the outer strip an edge of a concave one may be as steep
                 of_two -= math.log(height)
                 overhang -= math.log(height)
                 of_one += math.log(_at_any_angle(*_step(ends, side, strip, place, parts[side])))
-                if convex:  # just the one that goes on is there: at its tip, or as wide as any
-                    wide = float(np.ptp(ends.y[:, 0 if strip == 1 else -1]))
-                    of_two += math.log(0.5 + 0.5 * _at_any_angle(wide, ends.pitch) * height)
-    if convex:
-        return of_two - of_one
     concave = np.logaddexp(math.log(1.0 - _OVERHANG) + of_one, math.log(_OVERHANG) + overhang)
     return of_two - float(concave)
 
