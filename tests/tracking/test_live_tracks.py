@@ -53,14 +53,16 @@ def of_mean(poses: FloatArray) -> FloatArray:
 
 
 def test_scans_one_by_one_tell_what_all_at_once_do(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The search ends after some more scans have come, which are then taken four at a time."""
+    """The search ends after some more scans have come, which are taken where it ran, and the last two at once."""
     monkeypatch.setattr(live_contact, "_FIRST", 30)
     sensor, poses, later = ten_strips(), sliding(44), Later()
     scans = pressed(sensor, CORNERS, poses, NOISE, 3)
     live = ts.LiveTracks(sensor, NOISE, executor=later)
     assert [live.update(scan) for scan in scans[:38]] == [()] * 38
     later.run()
-    found = [live.update(scan) for scan in scans[38:]]
+    found = [live.update(scan) for scan in scans[38:40]]
+    later.run()
+    found += [live.update(scan) for scan in scans[40:]]
     assert [len(f) for f in found] == [0, 0, 1, 1, 1, 1]
     (first,), (one,) = found[2], found[-1]
     assert [first.scans, one.scans, one.status, one.id] == [41, 44, "ok", 1]

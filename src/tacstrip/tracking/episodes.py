@@ -204,7 +204,8 @@ def _runs(touched: BoolArray, silent: BoolArray, turn: int) -> list[slice]:
     on = np.flatnonzero(touched)
     if not len(on):
         return []
-    breaks = [i for i in range(len(on) - 1) if not silent[on[i] + 1 : on[i + 1]].all()]
+    gaps = np.flatnonzero(np.diff(on) > 1).tolist()
+    breaks = [i for i in gaps if not silent[on[i] + 1 : on[i + 1]].all()]
     firsts, lasts = [on[0], *(on[i + 1] for i in breaks)], [*(on[i] for i in breaks), on[-1]]
     if turn and breaks and silent[on[-1] + 1 :].all() and silent[: on[0]].all():
         firsts, lasts = firsts[1:], [*lasts[1:-1], lasts[0] + turn]

@@ -26,7 +26,8 @@ from tacstrip.tracking.tracker import SEARCHED_AGAIN
 _FIRST = 10  # scans of a contact before its shape is searched for
 _LATER = 1.5  # times as many, before it is searched for again
 _LOST = 5  # scans in turn that the shape does not explain
-_CAUGHT_UP = 4  # scans that came during a search and are taken with each new one
+# Scans that came during a search: so many are taken with each new one; if there are more, they are where it ran.
+_CAUGHT_UP, _FAR_BEHIND = 2, 8
 _WAITING = 1024  # such scans; of more only every other is kept
 _PROOF = 20  # scans that a shape found after an alarm must explain to be believed; twice as many after the next alarm
 _NOT_RIGID = (
@@ -183,6 +184,41 @@ class History:
         self.k, self.poses = [self.k[i] for i in kept], [self.poses[i] for i in kept]
 
 
+@dataclass
+class _Newcomer:
+    """A shape that was found, while it takes the scans that came since it was searched for.
+
+    Attributes
+    ----------
+    shape, history
+        Itself, and the scans that tell of it.
+    bad
+        Scans in turn that it does not explain.
+    """
+
+    shape: KnownShape
+    history: History
+    bad: int = 0
+
+    @property
+    def lost(self) -> bool:
+        """Whether it does not explain what came."""
+        return self.bad >= _LOST or not self.shape.lag.rigid
+
+
+def _caught_up(one: _Newcomer, scans: list[tuple[FloatArray, float]]) -> _Newcomer:
+    """Return a shape that has taken some more scans and their times."""
+    for k, time_s in scans:
+        if one.lost:
+            break
+        if one.shape.lag.add(k, time_s):
+            one.history.add(k, one.shape.lag.pose)
+            one.bad = 0
+        else:
+            one.bad += 1
+    return one
+
+
 class LiveContact:
     """A contact from when it appears until it is lifted.
 
@@ -206,10 +242,8 @@ class LiveContact:
         self._history, self._seen, self._due = History(), 0, _FIRST
         self._task: Future[KnownShape | None] | None = None
         self._waiting: deque[tuple[FloatArray, float]] = deque()
-        self._found: KnownShape | None = None  # which takes the scans that came since it was searched for
-        self._bad_of_found = 0
+        self._found: Future[_Newcomer] | _Newcomer | None = None
         self._shape: KnownShape | None = None
-        self._history_of_found = History()
         self._before: KnownShape | None = None  # the shape that was in force before an alarm
         self._bad: list[FloatArray] = []
         self._proof, self._since, self._alarm = 0, 0, ""
@@ -330,33 +364,38 @@ class LiveContact:
                 self._shape = replace(self._shape, status="doubtful", advice=found.advice)
             return
         stream.sigma = stream.sigma or found.lag.sigma
-        self._found, self._bad_of_found = found, 0
         stride = 2 if found.again else self._history.stride  # 1: all scans are in it
-        self._history_of_found = History(list(found.k), list(found.poses), stride)
+        self._found = _Newcomer(found, History(list(found.k), list(found.poses), stride))
 
     def _catch_up(self) -> None:
-        """Give the shape that was found some scans that came meanwhile; it is in force when it has taken them all."""
-        if (found := self._found) is None:
+        """Give the shape that was found the scans that came meanwhile; it is in force when it has taken them all."""
+        one = self._found
+        if isinstance(one, Future):
+            if not one.done():
+                return
+            one = one.result()
+        if one is None:
             return
-        for _ in range(min(_CAUGHT_UP, len(self._waiting))):
-            k, time_s = self._waiting.popleft()
-            if found.lag.add(k, time_s):
-                self._history_of_found.add(k, found.lag.pose)
-                self._bad_of_found = 0
-            else:
-                self._bad_of_found += 1
-        if self._bad_of_found >= _LOST or not found.lag.rigid:
+        executor, behind = self._stream.executor, len(self._waiting)
+        far = executor is not None and behind > _FAR_BEHIND
+        scans = [self._waiting.popleft() for _ in range(behind if far else min(_CAUGHT_UP, behind))]
+        if executor is not None and far and not one.lost:
+            self._found = executor.submit(_caught_up, one, scans)
+            return
+        self._found = one = _caught_up(one, scans)
+        if one.lost:
             self._found, self._due = None, self._seen + _FIRST
             self._waiting.clear()
             return
         if self._waiting:
             return
+        found = one.shape
         if found.again and found.id != self.id:
             self.id = found.id
             self._stream.lifted[:] = [o for o in self._stream.lifted if o.id != found.id]
         if self._shape is None:
             self._since = 0 if self._proof else found.lag.scans
-        self._shape, self._history, self._found = found, self._history_of_found, None
+        self._shape, self._history, self._found = found, one.history, None
         self._alarm, self._bad, self._before, self._doubted = "", [], None, False
 
     def _track(self, k: FloatArray, time_s: float, trouble: str) -> LiveTrack | None:

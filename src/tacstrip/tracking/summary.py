@@ -22,6 +22,7 @@ from tacstrip.tracking.rigid.offsets import not_ruled_out, with_offsets
 from tacstrip.tracking.rigid.posterior import scatter
 from tacstrip.tracking.rigid.rivals import beside_rivals, poses_beside_rivals, with_a_corner_cut
 from tacstrip.tracking.rigid.search import FEW_STRIPS, LEAST_STRIPS, content, freer_spline
+from tacstrip.tracking.rigid.strain import strain_gain
 from tacstrip.tracking.single_scans import SingleScans
 
 _OF_SIZE = 0.01  # beside TOLD: of the outline's extent, and ...
@@ -36,6 +37,11 @@ _MOVED = 0.5  # pitches that corners must move where few strips are touched
 _NOT_RIGID = (
     "no rigid outline explains all scans: {times:.3g} times the noise is left over; the object deforms or rolls, two "
     "are taken for one, or the noise is larger than given: read the scans one by one (`single`)"
+)
+_STRAINED = 25.0  # chi square of three degrees of freedom, which noise exceeds in one of 65,000 tracks
+_STRAINS = (
+    "a rigid outline explains the scans, but one that strains more and more explains them better, by {gain:.3g} in chi "
+    "square: the object deforms or rolls; read the scans one by one (`single`)"
 )
 _NOT_TOLD = (
     "the motion does not tell the shape: outlines that differ by {spread:.2g} mm explain all scans; turn the object, "
@@ -114,6 +120,8 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
     elif not explained:
         times = math.sqrt(fit.cost / fit.freedom(one.scans))
         advice = _NOT_RIGID.format(times=times)
+    elif (gain := _strain_gain(one)) > _STRAINED:
+        explained, advice = False, _STRAINS.format(gain=gain)
     if not explained:
         alone = SingleScans(scans, dict(zip(one.shown, one.runs, strict=True)), sensor, noise)
     concave, few = bool(reflex(outline).any()), one.scans.strips_touched < FEW_STRIPS
@@ -154,6 +162,13 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
         0, outline, shape, poses, spreads, np.empty(0), np.empty(0), status, advice or note, () if told else others,
         joint, _motion(fit), _offsets(one, skin), alone,
     )  # fmt: skip
+
+
+def _strain_gain(one: Object) -> float:
+    chosen, fit = one.found.chosen, one.found.fit
+    basis = None if fit.basis is None else fit.basis[chosen]
+    some = Fit(fit.corners, fit.poses[chosen], fit.costs[chosen], basis)
+    return strain_gain(one.scans.of(chosen), some, one.found.offsets, np.array(one.shown)[chosen])
 
 
 def _with_a_corner_cut(one: Object) -> Object | None:
