@@ -30,6 +30,7 @@ from tacstrip.tracking.rigid.corners import (
     unstuck,
 )
 from tacstrip.tracking.rigid.covariance import following
+from tacstrip.tracking.rigid.hopping import hopped
 from tacstrip.tracking.rigid.offsets import Offsets, channel_offsets, taken_off, without_needless_corners
 from tacstrip.tracking.rigid.smooth_path import Path, centres, circle, fit_path, spline_basis
 
@@ -263,21 +264,23 @@ def search(
     """
     starts = starts or (begun and begun.starts) or Starts(scans)
     erratic, free, found = starts.erratic, None, begun
+    few = needs_smooth_motion(scans) and scans.strips_touched < FEW_STRIPS
 
     def explained(one: Found) -> bool:
         return content(taken_off(scans, one.offsets), one.fit, distribution)
 
     def without_path() -> Found:
-        return free or replace(_compared(scans, [_without_path(scans)], distribution), starts=starts)
+        fit = _hopped(scans, distribution) if erratic and few else _without_path(scans)
+        return free or replace(_compared(scans, [fit], distribution), starts=starts)
 
     if found is None:
         if erratic:
             free = without_path()
-            if explained(free):
+            if few or explained(free):
                 return free
         turns = starts.best(_TURNS, _KEPT)
         if needs_smooth_motion(scans):
-            some = starts.best(_TURNS, _KEPT_TIED) if scans.strips_touched < FEW_STRIPS else turns
+            some = starts.best(_TURNS, _KEPT_TIED) if few else turns
             found = _with_offsets(starts, some, distribution, offsets, tied=True)
             if explained(found):
                 return found
@@ -605,6 +608,17 @@ def _without_path(scans: RigidScans) -> Fit:
         poses = poses_all_round(scans, best.corners, 0.05 * scans.sensor.pitch_mm)[0][:, 0]
         best = settled(scans, fitted(scans, best.corners, poses))
     return best if best.cost > _WORTH_SETTLING * best.freedom(scans) else unstuck(scans, best)
+
+
+def _hopped(scans: RigidScans, distribution: str) -> Fit:
+    """Return a fit that takes poses for independent, of one signature of few strips."""
+    chosen = np.unique(np.linspace(0, len(scans.k) - 1, min(len(scans.k), _DENSE)).astype(int))
+    few = scans.of(chosen)
+    fit = hopped(few, lambda f: content(few, f, distribution))
+    if len(chosen) < len(scans.k):
+        poses = poses_all_round(scans, fit.corners, 0.05 * scans.sensor.pitch_mm)[0][:, 0]
+        fit = settled(scans, fitted(scans, fit.corners, poses))
+    return fit if fit.cost > _WORTH_SETTLING * fit.freedom(scans) else unstuck(scans, fit)
 
 
 def _wrapped(poses: FloatArray) -> FloatArray:
