@@ -32,6 +32,7 @@ from tacstrip.tracking.rigid.covariance import (
     rigid_motions,
     without_poses,
 )
+from tacstrip.tracking.rigid.hopping import _radii
 from tacstrip.tracking.rigid.offsets import Offsets, channel_offsets, not_ruled_out, with_offsets
 from tacstrip.tracking.rigid.rivals import beside_rivals, poses_beside_rivals
 from tacstrip.tracking.rigid.search import Found, _compared, freer_spline, likelier
@@ -461,6 +462,22 @@ def test_the_fit_without_offsets_is_a_rival_of_that_with_them() -> None:
         found = likelier(scans, with_them, free, "uniform")
         assert (found.offsets is not None) == (winner == "with")
         assert len(found.rivals) == (abs(price) < 8.0)  # what explains the readings much worse is none
+
+
+def test_one_signature_of_presses_at_random_tells_the_shape() -> None:
+    """A search from single scans left 3 times the noise; which turns go together, only all scans tell."""
+    of = scene("kh, presses", 712, 16)
+    assert of.outline is not None
+    (one,) = ts.track(of.scans, of.unit.sensor, NOISE)
+    assert distance(one.outline, of.outline) < 0.5  # mm; the bound is .3
+    assert one.status == "doubtful"
+    assert one.by_scan is None
+
+
+def test_the_radii_of_a_polygon_reach_its_outline() -> None:
+    square = np.array([(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)]) + 3.0
+    angle = 2.0 * np.pi * np.arange(24) / 24
+    assert _radii(square) == pytest.approx(1.0 / np.maximum(np.abs(np.cos(angle)), np.abs(np.sin(angle))))
 
 
 def test_one_signature_of_few_strips_without_a_smooth_path_is_not_confident() -> None:

@@ -136,7 +136,7 @@ class Equations:
 
 
 @dataclass(frozen=True, eq=False)
-class Prior:
+class Prior(Sendable):
     """What is known of corners beside the scans: a normal distribution.
 
     Attributes

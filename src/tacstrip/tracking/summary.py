@@ -38,7 +38,7 @@ _NOT_RIGID = (
     "no rigid outline explains all scans: {times:.3g} times the noise is left over; the object deforms or rolls, two "
     "are taken for one, or the noise is larger than given: read the scans one by one (`single`)"
 )
-_STRAINED = 25.0  # chi square of three degrees of freedom, which noise exceeds in one of 65,000 tracks
+_STRAINED = 16.3  # chi square of three degrees of freedom, which noise exceeds in one of 1000 tracks
 _STRAINS = (
     "a rigid outline explains the scans, but one that strains more and more explains them better, by {gain:.3g} in chi "
     "square: the object deforms or rolls; read the scans one by one (`single`)"
