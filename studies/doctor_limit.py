@@ -113,7 +113,9 @@ def _z(model: BendModel | None, course: FloatArray, strips: int) -> FloatArray:
     if model is None:
         return np.zeros(strips)
     found = model.explain(model.effect(course[:, None], strips))
-    return np.asarray(np.abs(found.score) / np.sqrt(np.maximum(np.diag(found.power), 1e-9)) / model.sigma)
+    return np.asarray(
+        np.abs(found.score) / np.sqrt(np.maximum(found.power_of_groups(1).ravel(), 1e-9)) / model.sigma
+    )
 
 
 def main(last: int) -> None:

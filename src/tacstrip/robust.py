@@ -30,7 +30,12 @@ def robust_sigma(residuals: FloatArray, axis: int | None = None) -> FloatArray:
     >>> round(float(robust_sigma(np.array([-0.1, 0.1, -0.1, 0.1, 50.0]))), 4)
     0.1483
     """
-    return np.asarray(_NORMAL_MAD * np.nanmedian(np.abs(residuals), axis=axis))
+    if axis is None:
+        return np.asarray(_NORMAL_MAD * np.nanmedian(np.abs(residuals)))
+    ordered = np.sort(np.abs(residuals), axis=axis)  # some times faster than nanmedian; NaN are last
+    last = np.maximum((~np.isnan(ordered)).sum(axis=axis, keepdims=True) - 1, 0)
+    middle = (np.take_along_axis(ordered, m, axis) for m in (last // 2, (last + 1) // 2))
+    return np.asarray(_NORMAL_MAD * np.mean(list(middle), axis=0).squeeze(axis))
 
 
 def half_sigma(residuals: FloatArray, sign: float) -> FloatArray:

@@ -4,14 +4,16 @@ import numpy as np
 import pytest
 
 from tacstrip.diagnose.hum import _mains_lines
-from tacstrip.diagnose.noise import _one_noise
+from tacstrip.diagnose.noise import _POWERS, _deviations, _one_noise
 
 
 @pytest.mark.parametrize(("scans", "told"), [(20, False), (400, True)])
 def test_noise_of_few_scans_is_not_known_to_be_white(scans: int, told: bool) -> None:
     values = np.random.default_rng(4).normal(size=(scans, 3))
     values[:, 2] = np.nan  # a channel that is left out says nothing against the strip's other one
-    assert _one_noise(values, values, np.zeros((scans, 3), int)).tolist() == [told, told, True]
+    since = np.zeros((scans, 3), int)
+    each = {order: _deviations(values, since, order, power) for order, power in _POWERS.items()}
+    assert _one_noise(each, np.isfinite(values)).tolist() == [told, told, True]
 
 
 @pytest.mark.parametrize("known", [1, 2, 3])

@@ -117,7 +117,7 @@ def test_drift_of_a_hundredth_and_slow_wander_at_rest() -> None:
         assert said(diagnose(Log.of(sensor, time_s, {"k": ill}))) == [(fault, (9,))]
 
 
-def _dragged_off_both_ends(scans: int = 600) -> Log:
+def dragged_off_both_ends(scans: int = 600) -> Log:
     body = ts.Contact.polygon([(0, 0), (34, 8), (30, 70), (4, 60)])
     share = np.linspace(0.0, 1.0, scans)
     across, along = (np.abs(2.0 * ((n * share + s) % 1.0) - 1.0) for n, s in ((3.0, 0.2), (5.0, 0.1)))
@@ -131,7 +131,7 @@ def _dragged_off_both_ends(scans: int = 600) -> Log:
 
 def test_drift_wander_and_the_reference_stand_out_of_shape_and_offsets() -> None:
     """Under a contact, and at rest where a contact at the ground end passes for none: before, none of these."""
-    log = _dragged_off_both_ends()
+    log = dragged_off_both_ends()
     rng = np.random.default_rng(2)
     time, offsets = np.linspace(0.0, 1.0, 600), 0.02 * rng.uniform(-1.0, 1.0, 12)
 

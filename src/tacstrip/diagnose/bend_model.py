@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy import sparse
@@ -27,6 +28,7 @@ _ROBUST = 2.5  # deviations, from which a row loses weight (Cauchy)
 _ROUNDS = 5  # of weighting
 _RIDGE = 1e-2  # of a term's sum of squares: terms that the recording does not determine stay 0
 _FAR = 3.0  # deviations at which terms of the shape are clipped
+_Part = tuple[IntArray, slice, FloatArray]  # rows and columns of terms, and the terms there
 _WAVES, _ROWS_A_WAVE, _WAVE_LENGTH = 100, 4, 2.0  # at most, rows for each at least, and deviations
 
 
@@ -51,7 +53,8 @@ class BendModel:
     sigma: float
     _own: sparse.csr_matrix
     _shape: FloatArray
-    _inverse: FloatArray
+    _parts: list[_Part]
+    _factor: tuple[FloatArray, bool]  # Cholesky's, of the normal equations
 
     @classmethod
     def of(cls, work: WorkingCopy, name: str) -> BendModel | None:
@@ -88,27 +91,30 @@ class BendModel:
         )
         shape, parts = _shape_terms(work, values, known, place, strip, contact)
         weight, residual, sigma = np.ones(len(bend)), bend, np.inf
-        inverse: FloatArray = np.zeros((0, 0))
-        for left in reversed(range(_ROUNDS)):
+        for _ in range(_ROUNDS):
             # Before the fit: what is regressed on its residuals later needs the very weights that they come from.
             weight = 1.0 / (1.0 + (residual / (_ROBUST * sigma)) ** 2)
-            weighted = own.multiply(weight[:, None]).tocsr()
-            corner = np.asarray(weighted.T @ shape)
+            weighted = _times(own, weight)
+            corner = _with_shape(weighted, parts)
             terms = np.zeros((shape.shape[1], shape.shape[1]))
-            for here, columns in parts:
-                one = shape[here, columns]
-                terms[columns, columns] = one.T @ (one * weight[here, None])
+            for here, columns, part in parts:
+                one = part * np.sqrt(weight[here, None])
+                terms[columns, columns] = one.T @ one
             normal = np.block([[(weighted.T @ own).toarray(), corner], [corner.T, terms]])
             normal += _RIDGE * np.eye(len(normal))
             right = np.concatenate([weighted.T @ bend, shape.T @ (weight * bend)])
-            if left:
-                found = cho_solve(cho_factor(normal), right)
-            else:
-                inverse = np.asarray(np.linalg.inv(normal))
-                found = inverse @ right
+            factor = cho_factor(normal, overwrite_a=True, check_finite=False)
+            found = cho_solve(factor, right, check_finite=False)
             residual = bend - own @ found[: own.shape[1]] - shape @ found[own.shape[1] :]
             sigma = max(float(robust_sigma(residual)), 1e-6)
-        return cls(place, strip, residual, weight, sigma, own, shape, inverse)
+        return cls(place, strip, residual, weight, sigma, own, shape, parts, factor)
+
+    @cached_property
+    def _rows(self) -> list[IntArray]:
+        """The rows of each strip."""
+        ordered = np.argsort(self.strip, kind="stable")
+        strips = self._own.shape[1] // _POWERS
+        return np.split(ordered, np.searchsorted(self.strip[ordered], np.arange(1, strips)))
 
     def effect(self, change: FloatArray, strips: int) -> sparse.csr_matrix:
         """Return what changes of each strip's readings do to bends (rows, strips * terms).
@@ -123,11 +129,12 @@ class BendModel:
 
     def explain(self, columns: sparse.csr_matrix) -> Explanation:
         """Return what columns (rows, C) explain beyond shape and constant errors."""
-        weighted = columns.multiply(self.weight[:, None]).tocsr()
-        cross = np.vstack([(self._own.T @ weighted).toarray(), np.asarray((weighted.T @ self._shape).T)])
-        confounded = self._inverse @ cross
-        power = (columns.T @ weighted).toarray() - confounded.T @ cross
-        return Explanation(power, weighted.T @ self.residual, confounded)
+        weighted = _times(columns, self.weight)
+        cross = np.vstack([(self._own.T @ weighted).toarray(), _with_shape(weighted, self._parts).T])
+        whole = (columns.T @ weighted).toarray()
+        return Explanation(
+            whole, weighted.T @ self.residual, cross, cho_solve(self._factor, cross, check_finite=False)
+        )
 
     def alternatives(self, changes: Mapping[int, FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return what each of several alternatives explains alone: power (A,), score (A,), power without other terms.
@@ -137,16 +144,18 @@ class BendModel:
         changes
             By the place across of the strips that change, their readings' change over Vref (places, A); NaN: none.
         """
-        rows = np.flatnonzero(np.isin(self.strip, [i + side for i in changes for side, _ in _SIDES]))
+        bends = {i + side for i in changes for side, _ in _SIDES}
+        rows = np.sort(np.concatenate([self._rows[i] for i in bends if 0 <= i < len(self._rows)]))
         place, strip = self.place[rows], self.strip[rows]
         column = np.zeros((len(rows), next(iter(changes.values())).shape[1]))
         for side, share in _SIDES:
             for i, change in changes.items():
-                column += np.where((strip + side == i)[:, None], share * np.nan_to_num(change[place]), 0.0)
+                at = np.flatnonzero(strip + side == i)
+                column[at] += share * np.nan_to_num(change[place[at]])
         weighted = column * self.weight[rows][:, None]
         cross = np.vstack([self._own[rows].T @ weighted, self._shape[rows].T @ weighted])
         whole = np.sum(column * weighted, axis=0)
-        power = whole - np.sum(cross * (self._inverse @ cross), axis=0)
+        power = whole - np.sum(cross * cho_solve(self._factor, cross, check_finite=False), axis=0)
         return power, weighted.T @ self.residual[rows], whole
 
     def beyond(self, rows: IntArray, columns: FloatArray, confounded: FloatArray) -> FloatArray:
@@ -159,14 +168,39 @@ class BendModel:
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
-    """Normal equations of columns beyond shape and constant errors: power (C, C), score (C,).
+    """Normal equations of columns (C) beyond shape and constant errors.
 
-    `confounded` (terms, C): coefficients of shape and constant errors that do the same.
+    `whole` (C, C), `score` (C,): power of the columns alone and what they have in common with the residuals; `cross`
+    (terms, C): with shape and constant errors; `confounded` (terms, C): coefficients of these that do the same.
     """
 
-    power: FloatArray
+    whole: FloatArray
     score: FloatArray
+    cross: FloatArray
     confounded: FloatArray
+
+    def power(self, columns: slice) -> FloatArray:
+        """Return the power that all columns have in common with some, beyond shape and constant errors (C, some)."""
+        return np.asarray(self.whole[:, columns] - self.confounded.T @ self.cross[:, columns])
+
+    def power_of_groups(self, many: int) -> FloatArray:
+        """Return the power of each group of so many columns by themselves (groups, many, many)."""
+        groups = len(self.score) // many
+        alone = np.einsum("iaib->iab", self.whole.reshape(groups, many, groups, many))
+        confounded, cross = (v.reshape(-1, groups, many) for v in (self.confounded, self.cross))
+        return np.asarray(alone - confounded.transpose(1, 2, 0) @ cross.transpose(1, 0, 2))
+
+
+def _times(columns: sparse.csr_matrix, weight: FloatArray) -> sparse.csr_matrix:
+    """Return columns (rows, C) times each row's weight (rows,)."""
+    each = np.repeat(weight, np.diff(columns.indptr))
+    return sparse.csr_matrix((columns.data * each, columns.indices, columns.indptr), columns.shape)
+
+
+def _with_shape(columns: sparse.csr_matrix, parts: list[_Part]) -> FloatArray:
+    """Return what columns (rows, C) have in common with the shape's terms (C, terms)."""
+    none = np.zeros((columns.shape[1], 0))
+    return np.concatenate([none, *(columns[here].T @ part for here, _, part in parts)], axis=1)
 
 
 def _spread(strip: IntArray, strips: int, terms: list[FloatArray]) -> sparse.csr_matrix:
@@ -181,11 +215,11 @@ def _spread(strip: IntArray, strips: int, terms: list[FloatArray]) -> sparse.csr
 
 def _shape_terms(
     work: WorkingCopy, values: FloatArray, known: BoolArray, place: IntArray, strip: IntArray, contact: bool
-) -> tuple[FloatArray, list[tuple[IntArray, slice]]]:
+) -> tuple[FloatArray, list[_Part]]:
     """Return terms of all signatures around each bend (rows, terms): slope, bends of the next strips, products.
 
-    With `contact` also levels, and waves of all of these and of the strip's place in the contact. Also the rows and
-    columns of each part of them, by the strips that are touched: all else is 0.
+    With `contact` also levels, and waves of all of these and of the strip's place in the contact. Also each part of
+    them, by the strips that are touched: all else is 0.
     """
     signatures = list(work.k.values())
     whole = _in_contact(work) if contact else []
@@ -218,7 +252,7 @@ def _shape_terms(
     for here, part in parts:
         columns = slice(first, first + part.shape[1])
         out[here, columns] = part
-        where.append((here, columns))
+        where.append((here, columns, part))
         first = columns.stop
     return out, where
 

@@ -15,7 +15,7 @@ from tacstrip.diagnose.neighbour_prediction import (
     neighbour_residuals,
     predict_from_neighbours,
 )
-from tacstrip.diagnose.regression import passes
+from tacstrip.diagnose.regression import correlation, most_of, passes
 from tacstrip.robust import shortest_half
 
 _INSIDE = 0.15  # over Vref: predictions this far from both rails do not agree with a reading on a rail
@@ -243,10 +243,14 @@ def _followed(work: WorkingCopy) -> Iterator[tuple[str, int, FloatArray, FloatAr
     """Yield the channels whose neighbours move together: signature, strip, readings, predictions, rows (places,)."""
     for name, values in work.k.items():
         e, _ = neighbour_residuals(work, name)
-        for strip in range(work.strips):
-            known = np.isfinite(e[:, strip])
-            if known.sum() >= _SOME and _alike(values[known], strip):
-                yield name, strip, values[known, strip], e[known, strip], np.flatnonzero(known)
+        known = np.isfinite(e)
+        together = known.astype(float).T @ np.isfinite(
+            values
+        )  # places with a strip's prediction and another's reading
+        for strip in np.flatnonzero(known.sum(axis=0) >= _SOME).tolist():
+            rows = np.flatnonzero(known[:, strip])
+            if _alike(values, rows, np.flatnonzero(together[strip] >= _SOME), strip):
+                yield name, strip, values[rows, strip], e[rows, strip], rows
 
 
 def not_moving(work: WorkingCopy) -> Iterator[Suspect]:
@@ -257,10 +261,10 @@ def not_moving(work: WorkingCopy) -> Iterator[Suspect]:
     between = sides[:, :-2] & sides[:, 2:]
     for name, strip, values, expected, rows in _followed(work):
         own, predicted = _spread(values), _spread(expected)
-        rests = _rests(work, strip, still)
-        if rests and not without_contact[strip]:
-            continue
         if own <= still and np.ptp(values) <= 3.0 * still and predicted > max(_MOVES, 5.0 * own):
+            rests = _rests(work, strip, still)
+            if rests and not without_contact[strip]:
+                continue
             level = float(np.median(values))
             # At a contact's rim, noise of a strip that rests makes it count as touched.
             if _like_rest(work, level) and np.count_nonzero(between[rows, strip]) < _SOME:
@@ -302,18 +306,17 @@ def _stays_at_rim(work: WorkingCopy, strip: int) -> bool:
     return bool(there.mean() >= _ALL_THE_TIME or passes(np.flatnonzero(there)) < _VISITS)
 
 
-def _alike(values: FloatArray, strip: int) -> bool:
-    """Whether the two nearest strips with readings, one on each side where there are, move together."""
-    used = np.flatnonzero(np.isfinite(values).sum(axis=0) >= _SOME)
+def _alike(values: FloatArray, rows: IntArray, used: IntArray, strip: int) -> bool:
+    """Whether the two nearest strips used, one on each side where there are, move together at some places (rows,)."""
     left, right = used[used < strip][::-1], used[used > strip]
     two = [left[0], right[0]] if len(left) and len(right) else [*left[:2], *right[:2]]
     if len(two) < 2:
         return False
-    a, b = values[:, two[0]], values[:, two[1]]
+    a, b = values[rows, two[0]], values[rows, two[1]]
     known = np.isfinite(a) & np.isfinite(b)
     if known.sum() < _SOME or min(np.std(a[known]), np.std(b[known])) < 1e-6:
         return False
-    return bool(np.corrcoef(a[known], b[known])[0, 1] > _ALIKE)
+    return correlation(a[known], b[known]) > _ALIKE
 
 
 def clipped(work: WorkingCopy) -> Iterator[Suspect]:
@@ -407,5 +410,5 @@ def _like_rest(work: WorkingCopy, level: float | FloatArray) -> BoolArray:
 
 
 def _spread(values: FloatArray) -> float:
-    a, b = np.percentile(values, [5.0, 95.0])
-    return float(b - a)
+    low, high = most_of(values)
+    return high - low

@@ -1,9 +1,9 @@
-"""The examination: the dominant fault is named and undone first, because it disturbs its neighbours' predictions."""
+"""The examination: dominant faults are named and undone first, because they disturb their neighbours' predictions."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence, Set
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -38,6 +38,7 @@ _LEAST_SIGMA = 2e-4  # over Vref: no reading is trusted to less
 _MOST_SIGMA = 0.006  # over Vref, where motion hides the noise: that of P.U. profile II
 _OFFSET = 0.02  # over Vref: what a strip may lie off its neighbours' line before calibration is advised
 _Test = Callable[[WorkingCopy], Iterable[Suspect]]
+_Place = tuple[str, tuple[int, ...]]  # a fault, and its strips
 _TESTS: dict[_Test, frozenset[str]] = {  # and the faults that each finds
     never_touched: frozenset({"dead", "open-strip"}),
     on_rails: frozenset({"dead", "stuck", "open-strip", "open-sensing"}),
@@ -50,11 +51,15 @@ _TESTS: dict[_Test, frozenset[str]] = {  # and the faults that each finds
     shorts: frozenset({"short"}),
 }
 _QUARTERS = 4  # of a recording: a finding stands without any one of them, a question without some one
+_FALLS = 1  # quarters: one without which a finding is not seen may hold most of its strips' contacts
+_LATE = {"drift", "wander", "hum"}  # no other fault is judged by these
+_BY_ALL_STRIPS = {"short", "drift", "wander"}  # what these do is held against what all others do
 _EVEN, _LOST = 0.7, 0.01  # of the scans: that follow evenly, where so many may be missing without a word
 _TIMED = 256  # parts of a recording in which a resting contact is looked at for drift
 _FEWEST = 20  # places that determine an offset
 _EMPTY = 3  # scans of the strip's other channel that make an empty one a dead one
 _AT = 0.003  # over Vref: readings this near to a ceiling are not used
+_DISTURBED = 8  # strips: predictions of others reach four to either side
 _AT_EDGE = 0.3  # weight of a fault where neighbours stand on one side only
 _WORST = {"broken": 0, "degraded": 1, "note": 2}
 
@@ -87,90 +92,163 @@ def diagnose(log: Log) -> Report:
     [('open-strip', (3,))]
     """
     part = log.part(min(_MOST_SCANS, max(_MOST_READINGS // log.sensor.strips, 2000)))
-    report = _examined(log, part)
-    kinds = {f.fault for f in report.findings} | {cause for q in report.questions for cause in q.causes}
-    return _without_any_quarter(report, part, kinds) if kinds else report
-
-
-def _without_any_quarter(report: Report, part: Log, kinds: set[str]) -> Report:
-    """Return the report with the findings that stand without any one quarter of the recording; others are questions.
-
-    What one visit of a contact shows, or what hardly exceeds a limit, does not (a delete-one-group jackknife).
-    A question that never stands is dropped.
-    """
-    quarter = np.arange(len(part.time_s)) * _QUARTERS // len(part.time_s)
-    shown: list[set[tuple[str, tuple[int, ...]]]] = []
-    for out in range(_QUARTERS):
-        left = quarter != out
-        shown.append(set())
-        if any(np.isfinite(values[left]).any() for values in part.raw.values()):
-            rest = part.kept(left)
-            again = _examined(rest, rest, kinds)
-            shown[-1] |= {(f.fault, f.strips) for f in again.findings}
-            shown[-1] |= {(cause, q.strips) for q in again.questions for cause in q.causes}
-
-    def stands(strips: tuple[int, ...], *causes: str) -> list[bool]:
-        return [any((cause, strips) in one for cause in causes) for one in shown]
-
-    findings = tuple(
-        f for f in report.findings
-        # At rest no contact is a witness; without the first or the last quarter a drift is smaller, too.
-        if all(stands(f.strips, f.fault)[1:-1] if "levels_at_rest" in f.numbers else stands(f.strips, f.fault))
-    )  # fmt: skip
-    doubted = (f for f in report.findings if f not in findings)
-    return replace(
-        report,
+    seen = _examined(part)
+    findings, questions = _without_any_quarter(seen, part)
+    known = {i for f in seen.removed for i in f.strips}
+    unchecked = [
+        log.missing,
+        _pauses(log.time_s),
+        *_not_checked(part, seen.rows, known, {i for q in questions for i in q.strips}),
+        *seen.unchecked,
+        *_drift_not_checked(part, seen.checked, known),
+    ]
+    return Report(
         findings=findings,
-        questions=(
-            *(q for q in report.questions if any(stands(q.strips, *q.causes))),
-            *(Question(f.strips, (f.fault,), f.evidence, f.signature) for f in doubted),
-        ),
+        notes=(*seen.notes, *_notes(log, seen.rows, seen.at_rest)),
+        questions=questions,
+        unchecked=tuple(reason for reason in unchecked if reason),
+        quality=quality(log.sensor, seen.noise),
+        touched_scans=log.touched.sum(axis=0),
+        seconds=float(np.ptp(log.time_s)),
+        scans=len(log.time_s),
+        strip_base=log.sensor.strip_base,
     )
 
 
-def _examined(log: Log, part: Log, kinds: Set[str] = FAULTS.keys()) -> Report:
-    """Examine part of a log for faults of some kinds."""
+def _without_any_quarter(seen: _Examined, part: Log) -> tuple[tuple[Finding, ...], tuple[Question, ...]]:
+    """Return the findings that stand without any one quarter of the recording, and the questions; others are questions.
+
+    What one visit of a contact shows, or what hardly exceeds a limit, does not (a delete-one-group jackknife). One that
+    falls with one quarter alone stands if it is found without any quarter of its own strips' contacts, too: these may
+    have come in one quarter, for the most part. A question that never stands is dropped.
+    """
+    findings = {(f.fault, f.strips): "levels_at_rest" in f.numbers for f in seen.findings}
+    asked = [{(cause, q.strips) for cause in q.causes} for q in seen.questions]
+    every = {*findings, *(place for places in asked for place in places)}
+    falls = dict.fromkeys(findings, 0)
+    stood = [False] * len(asked)
+    quarter = np.arange(len(part.time_s)) * _QUARTERS // len(part.time_s)
+    for out in range(_QUARTERS):
+        sought = {place for place in findings if falls[place] <= _FALLS}
+        sought |= {place for q, there in zip(asked, stood, strict=True) if not there for place in q}
+        found, questions = _shown(part, quarter != out, every, sought)
+        for place, at_rest in findings.items():
+            # At rest no contact is a witness; without the first or the last quarter a drift is smaller, too.
+            ends = at_rest and out in (0, _QUARTERS - 1)
+            falls[place] += place not in found | questions and not ends
+        stood = [there or bool(q & (found | questions)) for q, there in zip(asked, stood, strict=True)]
+    stands = {place for place, times in falls.items() if not times}
+    for place, times in falls.items():
+        if times == _FALLS and not findings[place] and _without_any_quarter_of_its_own(part, every, place):
+            stands.add(place)
+    doubted = (f for f in seen.findings if (f.fault, f.strips) not in stands)
+    return tuple(f for f in seen.findings if (f.fault, f.strips) in stands), (
+        *(q for q, there in zip(seen.questions, stood, strict=True) if there),
+        *(Question(f.strips, (f.fault,), f.evidence, f.signature) for f in doubted),
+    )
+
+
+def _without_any_quarter_of_its_own(part: Log, every: Set[_Place], place: _Place) -> bool:
+    """Whether a fault is found without any quarter of the scans in which its strips are touched."""
+    touched = part.touched[:, list(place[1]) or slice(None)].any(axis=1)
+    quarter = np.minimum(np.cumsum(touched) * _QUARTERS // max(int(touched.sum()), 1), _QUARTERS - 1)
+    return all(place in _shown(part, quarter != out, every, {place})[0] for out in range(_QUARTERS))
+
+
+def _shown(
+    part: Log, left: BoolArray, every: Set[_Place], sought: Set[_Place]
+) -> tuple[Set[_Place], Set[_Place]]:
+    """Return what is found and what is asked about in some scans (scans,), of what is `sought`.
+
+    Tests are made for that and for what else of `every` fault may disturb it.
+    """
+    if not sought or not any(np.isfinite(values[left]).any() for values in part.raw.values()):
+        return set(), set()
+    kinds = {fault for fault, _ in sought}
+    everywhere = bool(kinds & _BY_ALL_STRIPS)
+    kinds |= {f for f, i in every if f not in _LATE and (everywhere or any(_near(i, j) for _, j in sought))}
+    again = _examined(part.kept(left), kinds, sought)
+    return (
+        {(f.fault, f.strips) for f in again.findings},
+        {(cause, q.strips) for q in again.questions for cause in q.causes},
+    )
+
+
+def _near(one: Sequence[int], other: Sequence[int]) -> bool:
+    """Whether a fault of some strips disturbs what is seen of others; of the whole sensor, that of all."""
+    return not (one and other) or min(abs(i - j) for i in one for j in other) <= _DISTURBED
+
+
+@dataclass(frozen=True, eq=False)
+class _Examined:
+    """What an examination finds, and what notes and all that was not checked are told by.
+
+    findings: broken ones first; removed: those of them that were repaired in `rows`, a row for each place. notes: of
+    drift; checked: which strips drift was looked for on (strips,). at_rest: whether, and how, strips that nothing
+    touches count as touched. unchecked: of intermittent contacts, bits and hum.
+    """
+
+    findings: tuple[Finding, ...]
+    questions: tuple[Question, ...]
+    removed: list[Finding]
+    rows: WorkingCopy
+    noise: NoiseEstimate
+    notes: list[Finding]
+    checked: BoolArray
+    at_rest: str
+    unchecked: tuple[str, ...]
+
+
+def _examined(part: Log, kinds: Set[str] = FAULTS.keys(), sought: Set[_Place] = frozenset()) -> _Examined:
+    """Examine a log for faults of some kinds, but, if any are `sought`, for no more once they are named."""
+    sensor = part.sensor
     noise = measure(part)
     sigma = working_sigma(noise)
     bits, no_bits = stuck_bits(part)
     ceiling = list(common_ceiling(part, sigma))
-    geometric = log.sensor.kind.closed_form
+    geometric = sensor.kind.closed_form
     pressed = list(pressure(part)) if geometric else []
     reference, unsure, factor = wrong_reference(part, sigma) if not ceiling and not pressed else ([], [], 1.0)
     work = working_copy(_without_strays(part), sigma)
-    work.drop(*np.flatnonzero(left_out_wholly(log.sensor)).tolist())
+    work.drop(*np.flatnonzero(left_out_wholly(sensor)).tolist())
     for name, values in work.k.items():
         beyond = [c.numbers["side"] * (values - c.numbers["level"]) > -_AT for c in ceiling]
         out = np.any([np.zeros(values.shape, bool), *beyond], axis=0)
         work.k[name] = np.where(out, np.nan, values / factor)
     # Strips that nothing touches count as touched:
-    at_rest = rest_hint(log.sensor, _touched_readings(part))
+    at_rest = rest_hint(sensor, _touched_readings(part))
     comes_and_goes = geometric and not pressed and not at_rest and "intermittent" in kinds
     loose, doubted = _comes_and_goes(work) if comes_and_goes else ([], [])
     rows = places(work)
     tests = [] if pressed else list(_TESTS) if geometric else [never_touched, swapped_wires]
     tests = [t for t in tests if kinds & _TESTS[t] and not (ceiling and t is clipped)]
-    named = _remove_dominant(rows, tests)
+    named = _remove_dominant(rows, tests, {s for s in sought if any(s[0] in _TESTS[t] for t in tests)})
     doubted += [
         Question(s.finding.strips, (s.finding.fault,), s.finding.evidence) for s in named if s.doubtful
     ]
     named = [s for s in named if not s.doubtful]
-    for suspect in named:
-        suspect.repair(work)
-    work.changed()
     # Strips in the wrong order have a gap at a contact's end.
     exchanged = {i for s in named if s.finding.fault == "swapped-strips" for i in s.finding.strips}
     loose = [f for f in loose if not exchanged & set(f.strips)]
     removed = [*pressed, *loose, *_silent_channels(part), *_merged([s.finding for s in named])]
-    if not (pressed or ceiling or reference):
+    if "saturation" in kinds and not (pressed or ceiling or reference):
         faulty = {i for f in removed for i in f.strips}
         removed += [f for f in single_ceilings(part, sigma) if not faulty & set(f.strips)]
-    timed = places(work, max(len(part.time_s) // _TIMED, 1))
-    drifting, moving, together, checked = (
-        drift(part, timed, timed.time_s)
-        if kinds & {"drift", "wander"}
-        else ([], [], [], np.zeros(work.strips, dtype=bool))
-    )
+    drifting: list[Finding] = []
+    moving: list[Question] = []
+    together: list[Finding] = []
+    checked = np.zeros(work.strips, dtype=bool)
+    if kinds & {"drift", "wander"}:
+        for suspect in named:
+            suspect.repair(work)
+        work.changed()
+        timed = places(work, max(len(part.time_s) // _TIMED, 1))
+        drifting, moving, together, checked = drift(
+            part,
+            timed,
+            timed.time_s,
+            {i for fault, strips in sought if fault in ("drift", "wander") for i in strips},
+        )
     humming, no_hum = hum(part, sigma) if "hum" in kinds else ([], "")
     loud = {f.strips for f in humming}
     known = {i for f in removed for i in f.strips}
@@ -182,25 +260,20 @@ def _examined(log: Log, part: Log, kinds: Set[str] = FAULTS.keys()) -> Report:
         if geometric and not (pressed or ceiling)
         else ()
     )
-    unchecked = [
-        log.missing,
-        _pauses(log.time_s),
-        *_not_checked(part, rows, known, {i for q in asked for i in q.strips}),
-        "intermittent contacts: the rest level is not given" if at_rest and geometric else "",
-        no_bits,
-        no_hum,
-        *_drift_not_checked(part, checked, known),
-    ]
-    return Report(
+    return _Examined(
         findings=tuple(sorted(findings, key=lambda f: (_WORST[f.kind.severity], f.strips))),
-        notes=(*together, *_notes(log, rows, at_rest)),
         questions=asked,
-        unchecked=tuple(reason for reason in unchecked if reason),
-        quality=quality(log.sensor, noise),
-        touched_scans=log.touched.sum(axis=0),
-        seconds=float(np.ptp(log.time_s)),
-        scans=len(log.time_s),
-        strip_base=log.sensor.strip_base,
+        removed=removed,
+        rows=rows,
+        noise=noise,
+        notes=together,
+        checked=checked,
+        at_rest=at_rest,
+        unchecked=(
+            "intermittent contacts: the rest level is not given" if at_rest and geometric else "",
+            no_bits,
+            no_hum,
+        ),
     )
 
 
@@ -235,12 +308,13 @@ def _questions(rows: WorkingCopy, known: set[int], moving: Sequence[Question]) -
     return (*asked, *(q for q in moving if not named & set(q.strips)))
 
 
-def _remove_dominant(
-    rows: WorkingCopy, tests: Sequence[Callable[[WorkingCopy], Iterable[Suspect]]]
-) -> list[Suspect]:
-    """Name and undo the fault that explains the largest misfit, again and again until none is found."""
+def _remove_dominant(rows: WorkingCopy, tests: Sequence[_Test], sought: Set[_Place]) -> list[Suspect]:
+    """Name and undo the faults that explain the largest misfits around them, again and again until none is found.
+
+    Or until those `sought` are, if any.
+    """
     named: dict[tuple[str, tuple[int, ...], str | None], Suspect] = {}
-    while len(rows.there):
+    while len(rows.there) and not (sought and sought <= {(f, strips) for f, strips, _ in named}):
         edges = {int(rows.order[0]), int(rows.order[-1])}
         faulty = {i for _, strips, _ in named for i in strips}
         suspected = [
@@ -250,13 +324,21 @@ def _remove_dominant(
         ]  # fmt: skip
         if not suspected:
             break
-        worst = max(
-            suspected, key=lambda s: s.explained * (_AT_EDGE if edges & set(s.finding.strips) else 1.0)
+        suspected.sort(
+            key=lambda s: s.explained * (_AT_EDGE if edges & set(s.finding.strips) else 1.0), reverse=True
         )
-        worst.repair(rows)
+        for worst in _apart(suspected, rows):
+            worst.repair(rows)
+            named[worst.finding.place] = worst
         rows.changed()
-        named[worst.finding.place] = worst
     return list(named.values())
+
+
+def _apart(suspected: Sequence[Suspect], rows: WorkingCopy) -> list[Suspect]:
+    """Return the suspects, the worst first, that no worse one disturbs: it is further away than predictions reach."""
+    place = np.argsort(rows.order)
+    across = [place[list(s.finding.strips)].tolist() for s in suspected]
+    return [s for n, s in enumerate(suspected) if not any(_near(worse, across[n]) for worse in across[:n])]
 
 
 def _merged(findings: list[Finding]) -> list[Finding]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Set
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,7 +74,7 @@ class _Change:
 
 
 def drift(
-    log: Log, work: WorkingCopy, time_s: FloatArray
+    log: Log, work: WorkingCopy, time_s: FloatArray, sought: Set[int] = frozenset()
 ) -> tuple[list[Finding], list[Question], list[Finding], BoolArray]:
     """Find strips that drift or wander against the others: untouched, or relative to neighbours under one contact.
 
@@ -84,6 +84,8 @@ def drift(
         Its untouched readings show the drift at rest.
     work, time_s
         Places, repaired, and when they were (places,) [s]; strips that drift are dropped from it.
+    sought
+        Strips, if not all: under contacts no others are looked for once these have a verdict.
 
     Returns
     -------
@@ -111,6 +113,10 @@ def drift(
         work.drop(int(np.flatnonzero(work.order == finding.strips[0])[0]))
     asked: list[Question] = []
     for _ in range(_MOST_FOUND):
+        if sought and sought <= {
+            i for verdicts in (found, asked) for verdict in verdicts for i in verdict.strips
+        }:
+            break
         changes, seen = _against_neighbours(work, (time_s - first) / seconds)
         checked[work.order[seen]] = True
         judged = ((one.place, _judged(one, int(work.order[one.place]))) for one in changes)
@@ -350,18 +356,21 @@ def _against_neighbours(work: WorkingCopy, tau: FloatArray) -> tuple[list[_Chang
             continue
         columns = model.effect(time, work.strips)
         found = model.explain(columns)
-        gain, line = (_gains(found, terms, model.sigma) for terms in (_TERMS, 1))
+        power = found.power_of_groups(_TERMS)
+        gain, line = (_gains(found, power, terms, model.sigma) for terms in (_TERMS, 1))
         shown = _shown_at(work.strips)
         counts = np.bincount(model.strip, minlength=work.strips)[shown]
         seen |= (counts >= _FEWEST) & _spans(model, tau, work.strips)[shown]
         gain[~seen], line[~seen] = 0.0, 0.0
         for by in {int(np.argmax(gain)), int(np.argmax(line))}:
-            others, others_line = (_others(found, by, terms, model.sigma, seen) for terms in (_TERMS, 1))
             change = _looked_at(model, found, columns, by, tau, work)
             if change is None:
                 continue
+            others, others_line = (
+                _others(found, power, by, terms, model.sigma, seen) for terms in (_TERMS, 1)
+            )
             slope, certain, certain_of_line, looks = change
-            size = _size(found, by, float(gain[by]), model.sigma)
+            size = _size(power[by], float(gain[by]), model.sigma)
             every.append(_Change(by, slope, size, float(gain[by]), others, certain, float(line[by]), others_line,
                                  certain_of_line, looks))  # fmt: skip
     # Of fewer strips there are no others to hold one against.
@@ -375,36 +384,37 @@ def _shown_at(strips: int) -> IntArray:
     return np.clip(np.arange(strips), 1, strips - 2)
 
 
-def _blocks(found: Explanation, terms: int) -> tuple[FloatArray, FloatArray]:
-    """Return power (strips, terms, strips, terms) and score (strips, terms) of the first terms of each strip."""
-    strips = len(found.score) // _TERMS
-    power = found.power.reshape(strips, _TERMS, strips, _TERMS)[:, :terms, :, :terms]
-    return power, found.score.reshape(strips, _TERMS)[:, :terms]
+def _scores(found: Explanation, terms: int) -> FloatArray:
+    """Return the score of the first terms of each strip (strips, terms)."""
+    return found.score.reshape(-1, _TERMS)[:, :terms]
 
 
-def _gains(found: Explanation, terms: int, sigma: float) -> FloatArray:
-    """Return the misfit that each strip's first terms explain, in variances of a bend (strips,)."""
-    power, score = _blocks(found, terms)
-    each = np.einsum("iaib->iab", power) + np.eye(terms) * (sigma / _USUAL) ** 2
+def _gains(found: Explanation, power: FloatArray, terms: int, sigma: float) -> FloatArray:
+    """Return the misfit that each strip's first terms explain, in variances of a bend (strips,).
+
+    `power`: of each strip's terms (strips, terms, terms).
+    """
+    score, each = _scores(found, terms), power[:, :terms, :terms] + np.eye(terms) * (sigma / _USUAL) ** 2
     return np.asarray(
         np.einsum("ia,ia->i", score, np.linalg.solve(each, score[..., None])[..., 0]) / sigma**2
     )
 
 
-def _size(found: Explanation, by: int, gain: float, sigma: float) -> float:
+def _size(power: FloatArray, gain: float, sigma: float) -> float:
     """Return the standard deviation over time of what explains so much, mostly of its terms that are well known."""
-    power = _blocks(found, _TERMS)[0][by, :, by]
     return float(np.sqrt(gain * _TERMS / max(float(np.trace(power)), 1e-12)) * sigma)
 
 
-def _others(found: Explanation, by: int, terms: int, sigma: float, seen: BoolArray) -> float:
+def _others(
+    found: Explanation, power: FloatArray, by: int, terms: int, sigma: float, seen: BoolArray
+) -> float:
     """Return the largest gain of another strip after one strip's change was taken out."""
-    power, score = _blocks(found, terms)
-    prior = np.eye(terms) * (sigma / _USUAL) ** 2
-    solved = np.linalg.solve(power[by, :, by] + prior, np.c_[score[by], power[by].reshape(terms, -1)])
-    left = score - np.einsum("iab,b->ia", power[:, :, by], solved[:, 0])
+    score, prior = _scores(found, terms), np.eye(terms) * (sigma / _USUAL) ** 2
+    common = found.power(slice(by * _TERMS, by * _TERMS + terms)).reshape(-1, _TERMS, terms)[:, :terms]
+    solved = np.linalg.solve(common[by] + prior, np.c_[score[by], common.reshape(-1, terms).T])
+    left = score - np.einsum("iab,b->ia", common, solved[:, 0])
     cross = solved[:, 1:].reshape(terms, len(score), terms)
-    each = np.einsum("iaib->iab", power) - np.einsum("iac,cib->iab", power[:, :, by], cross) + prior
+    each = power[:, :terms, :terms] - np.einsum("iac,cib->iab", common, cross) + prior
     gains = np.einsum("ia,ia->i", left, np.linalg.solve(each, left[..., None])[..., 0]) / sigma**2
     gains[~seen] = 0.0
     gains[by] = 0.0

@@ -16,7 +16,7 @@ from tacstrip.diagnose.neighbour_prediction import (
     neighbour_residuals,
     predict_from_neighbours,
 )
-from tacstrip.diagnose.regression import moved_to_and_fro, passes
+from tacstrip.diagnose.regression import correlation, most_of, moved_to_and_fro, passes
 from tacstrip.robust import robust_sigma
 from tacstrip.sensor.exchanged import read_twice
 
@@ -155,7 +155,7 @@ def _sign_reversed(
     weighed &= abs(exchanged) < _USUAL * spread  # else neither explains what is read
     if len(predicted) < _FEW or grows < 3.0 * sigma or not np.ptp(difference):
         return weighed if below else None
-    along = float(np.corrcoef(predicted, difference)[0, 1])
+    along = correlation(predicted, difference)
     if along < -_FALLS and (weighed or (along < -_TURNS and grows >= 2.0 * _CROSSED)):
         return True
     if grows >= 2.0 * _CROSSED and along >= 0.0:
@@ -219,9 +219,9 @@ def _correlates(expected: FloatArray, values: FloatArray) -> bool:
     """Whether values rise with their prediction: at one height alone, another contact may read the same reversed."""
     known = np.isfinite(expected) & np.isfinite(values)
     e, v = expected[known], values[known]
-    if len(e) < _FEW or np.ptp(np.percentile(e, [5.0, 95.0])) < _MOVES or not np.ptp(v):
+    if len(e) < _FEW or np.ptp(most_of(e)) < _MOVES or not np.ptp(v):
         return False
-    return bool(np.corrcoef(e, v)[0, 1] > _ALONG)
+    return correlation(e, v) > _ALONG
 
 
 def _turn(work: WorkingCopy, strip: int) -> None:

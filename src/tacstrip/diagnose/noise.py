@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -36,7 +36,7 @@ _SPILL = 0.7  # of a neighbour's noise: a strip with less may only show its neig
 _WHITE = 0.6  # of the estimate from first differences: for noise it is the same, for motion larger
 _SLOW = 2.0  # times sigma: faster motion shows in third differences too
 _FEWEST = 24  # third differences
-_THIRD, _OTHERS = {3: 20.0}, {1: 2.0, 2: 6.0, 4: 70.0}  # orders of differences, and their variance
+_POWERS, _ORDER = {1: 2.0, 2: 6.0, 3: 20.0, 4: 70.0}, 3  # variance of differences by order; the usual one
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,18 +69,26 @@ def measure(log: Log) -> NoiseEstimate:
     strips, least = (np.full(log.sensor.strips, np.nan) for _ in range(2))
     white = np.ones(log.sensor.strips, dtype=bool)
     pooled: list[FloatArray] = []
-    first_order: list[float] = []
+    first_order: list[FloatArray] = []
     # How often each strip was put down on or left before: no difference spans that.
     since = np.cumsum(np.diff(log.touched, prepend=log.touched[:1], axis=0), axis=0)
     for raw in log.raw.values():
         values = _off_rails(raw)
         relative = values - predict_from_neighbours(values, np.isfinite(values))[0]
-        here, other = (_least_deviation(values, relative, since, orders) for orders in (_THIRD, _OTHERS))
-        white &= _one_noise(values, relative, since)
-        strips = np.fmax(strips, here)
-        least = np.fmax(least, np.minimum(here, other))
-        pooled.append(here)
-        first_order += _deviations(relative, since, 1, 3.0)
+        # Relative to its neighbours a reading has 1.5 times the variance.
+        found = {
+            order: [
+                _deviations(one, since, order, power * share)
+                for one, share in ((values, 1.0), (relative, 1.5))
+            ]
+            for order, power in _POWERS.items()
+        }
+        each = {order: np.fmin(*two) for order, two in found.items()}
+        white &= _one_noise(each, np.isfinite(values))
+        strips = np.fmax(strips, each[_ORDER])
+        least = np.fmax(least, np.minimum(each[_ORDER], np.fmin.reduce(list(each.values()))))
+        pooled.append(each[_ORDER])
+        first_order.append(found[1][1])
     known = np.concatenate(pooled)
     known = known[np.isfinite(known)]
     if not len(known):
@@ -178,42 +186,29 @@ def _off_rails(values: FloatArray) -> FloatArray:
     return np.where(cut, np.nan, values)
 
 
-def _least_deviation(
-    alone: FloatArray, relative: FloatArray, since: IntArray, orders: dict[int, float]
-) -> FloatArray:
-    """Return each strip's least deviation (strips,) by differences of these orders, NaN where not known.
-
-    `orders` has the variance of a difference over that of a reading; relative to neighbours it is 1.5 times as large.
-    """
-    found = [
-        _deviations(values, since, order, power * share)
-        for values, share in ((alone, 1.0), (relative, 1.5))
-        for order, power in orders.items()
-    ]
-    return np.asarray(np.fmin.reduce(found, axis=0))
-
-
-def _one_noise(alone: FloatArray, relative: FloatArray, since: IntArray) -> BoolArray:
+def _one_noise(each: Mapping[int, FloatArray], read: BoolArray) -> BoolArray:
     """Return of which strips (strips,) differences of orders 2 to 4 tell nearly the same noise; all of them have to.
 
-    A strip without readings is no exception: it says nothing.
+    `each`: the deviations by order; `read`: where there are readings (scans, strips). A strip without readings is no
+    exception: it says nothing.
     """
-    orders = {k: v for k, v in (_THIRD | _OTHERS).items() if k > 1}
-    each = [_least_deviation(alone, relative, since, {k: v}) for k, v in orders.items()]
-    unread = ~np.isfinite(alone).any(axis=0)
+    high = [deviation for order, deviation in each.items() if order > 1]
     with np.errstate(invalid="ignore"):
-        return np.asarray(unread | (np.min(each, axis=0) >= _AGREE * np.max(each, axis=0)))
+        return np.asarray(~read.any(axis=0) | (np.min(high, axis=0) >= _AGREE * np.max(high, axis=0)))
 
 
-def _deviations(values: FloatArray, since: IntArray, order: int, power: float) -> list[float]:
-    steps = np.diff(values, n=order, axis=0) / math.sqrt(power)
+def _deviations(values: FloatArray, since: IntArray, order: int, power: float) -> FloatArray:
+    """Return each strip's deviation (strips,) by differences of an order, NaN where there are few.
+
+    `power`: the variance of a difference over that of a reading.
+    """
+    steps = np.diff(values, n=order, axis=0)
     steps[since[order:] != since[:-order]] = np.nan
-    return [_deviation(d) for d in steps.T]
-
-
-def _deviation(differences: FloatArray) -> float:
-    known = differences[np.isfinite(differences)]
-    return float(robust_sigma(known)) if len(known) >= _FEWEST else math.nan
+    enough = np.isfinite(steps).sum(axis=0) >= _FEWEST
+    out = np.full(len(enough), np.nan)
+    if enough.any():
+        out[enough] = robust_sigma(steps[:, enough], axis=0) / math.sqrt(power)
+    return out
 
 
 def _sigma_across_strips(log: Log) -> float:

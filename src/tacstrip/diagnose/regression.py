@@ -20,6 +20,19 @@ _COMPARED = 6  # channels: fewer are alike at other places, too
 _LATER = 0.04  # of the recording: another time
 
 
+def most_of(values: FloatArray) -> tuple[float, float]:
+    """Return the 5th and the 95th percentile of values (n,), n > 0; some ten times faster than `np.percentile`."""
+    last = len(values) - 1
+    low, high = np.interp((0.05 * last, 0.95 * last), np.arange(last + 1), np.sort(values))
+    return float(low), float(high)
+
+
+def correlation(one: FloatArray, other: FloatArray) -> float:
+    """Return the correlation of values (n,) that differ; some ten times faster than `np.corrcoef`."""
+    one, other = one - one.mean(), other - other.mean()
+    return float(one @ other / np.sqrt((one @ one) * (other @ other)))
+
+
 def median_crossings(values: FloatArray, least: float) -> int:
     """Count how often values cross their median, going beyond it by `least` on both sides."""
     deviation = values - np.median(values)
@@ -28,7 +41,7 @@ def median_crossings(values: FloatArray, least: float) -> int:
 
 def moved_to_and_fro(level: FloatArray, sigma: float, least: float = _RANGE) -> bool:
     """Whether a contact moved along the strips, over heights (places,) in order of time, three times, `least` far."""
-    low, high = np.percentile(level, [5.0, 95.0])
+    low, high = most_of(level)
     return bool(high - low >= least and median_crossings(level, max(0.01, 3.0 * sigma)) >= _BACK)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.diagnose.bend_model import BendModel
 from tacstrip.diagnose.neighbour_prediction import Suspect, WorkingCopy
-from tacstrip.diagnose.regression import moved_to_and_fro, passes, repeats
+from tacstrip.diagnose.regression import most_of, moved_to_and_fro, passes, repeats
 from tacstrip.sensor.constructions import SIGNATURES
 
 _HEIGHTS = np.linspace(0.25, 1.0, 6)  # over L, at which a bridge is looked for: of contacts on one side of it
@@ -99,15 +99,15 @@ def _tied_sensing(work: WorkingCopy) -> Iterator[tuple[int, Suspect]]:
             for pair in np.flatnonzero(own < _NOISE * noise).tolist():
                 others = np.delete(own, [i for i in (pair - 1, pair, pair + 1) if 0 <= i < pairs])
                 others = others[np.isfinite(others)]
-                slope = float(_scatter(around[:, [pair]], level[:, [pair]], at[:, [pair]])[0])
                 rows = np.flatnonzero(at[:, pair] & np.isfinite(difference[:, pair]))
                 if len(others) < _OTHER_PAIRS or passes(rows) < _BENT_PASSES:
                     continue
                 alike[pair] = min(
                     alike.get(pair, (np.inf, 0.0, 0)), (float(own[pair]), float(np.median(others)), len(rows))
                 )
-                if passes(rows) < _PASSES:
+                if passes(rows) < _PASSES or own[pair] > _TIED * max(float(others.min()), 1e-9):
                     continue
+                slope = float(_scatter(around[:, [pair]], level[:, [pair]], at[:, [pair]])[0])
                 least = np.fmin(float(others.min()), _SLOPE * slope)
                 ratio = float(own[pair]) / max(float(least), 1e-9)
                 if ratio > _TIED or ratio >= best.get(pair, (1.0,))[0]:
@@ -139,29 +139,29 @@ def _flattened(
     work: WorkingCopy, alike: Mapping[int, tuple[float, float, int]]
 ) -> Iterator[tuple[int, Suspect]]:
     """Find which of the pairs that differ as noise does are flat where the signature around them is not."""
-    changes = []
-    for i in range(work.strips - 1):
+
+    def flat(i: int) -> list[dict[int, FloatArray]]:
         upper, lower = _ends(work, i)
-        one = []
+        changes = []
         for name, values in work.k.items():
             half = _slope(values, i)[:, None] / 2.0
             tied = upper[:, None] < _GRID if SIGNATURES[name].at_upper_end else lower[:, None] > _GRID
             change = np.where(tied, half, 0.0)
-            one.append({i: change, i + 1: -change})
-        changes.append(one)
-    for strip, bridge, others in _outstanding(work, changes, (_BENT, _BENT), _BENT_TIMES, _LEAST_BENT):
-        if strip in alike:
-            own, usual, places = alike[strip]
-            evidence = (
-                f"they read one voltage: beside their offsets they differ by {100 * own:.2g} % of Vref, as noise does, "
-                f"over {places} places, {bridge.strength:.2g} times as flat as one conductor, "
-                f"{_held_against(bridge, others)}"
-            )
-            numbers = {"differ": own, "others": usual, "places": float(places), "gain": bridge.gain}
-            doubtful = bridge.gain < _BENT_SURELY or not others
-            doubtful |= _odds_of_flat(work, strip) < _least_odds(work, strip, _ODDS)
-            suspect = work.suspect("short", [strip, strip + 1], evidence, numbers, usual)
-            yield strip, replace(suspect, doubtful=doubtful)
+            changes.append({i: change, i + 1: -change})
+        return changes
+
+    for strip, bridge, others in _outstanding(work, flat, alike, (_BENT, _BENT), _BENT_TIMES, _LEAST_BENT):
+        own, usual, places = alike[strip]
+        evidence = (
+            f"they read one voltage: beside their offsets they differ by {100 * own:.2g} % of Vref, as noise does, "
+            f"over {places} places, {bridge.strength:.2g} times as flat as one conductor, "
+            f"{_held_against(bridge, others)}"
+        )
+        numbers = {"differ": own, "others": usual, "places": float(places), "gain": bridge.gain}
+        doubtful = bridge.gain < _BENT_SURELY or not others
+        doubtful |= _odds_of_flat(work, strip) < _least_odds(work, strip, _ODDS)
+        suspect = work.suspect("short", [strip, strip + 1], evidence, numbers, usual)
+        yield strip, replace(suspect, doubtful=doubtful)
 
 
 def _tied_on_both_sides(work: WorkingCopy, strip: int) -> bool:
@@ -311,28 +311,28 @@ class _Held:
         most = int(np.argmax(count))
         level = float(ordered[most : most + count[most]].mean())
         rows = rows[np.abs(outer[rows] - level) <= near]
-        low, high = np.percentile(inner[rows], [5.0, 95.0])
+        low, high = most_of(inner[rows])
         comes = passes(rows)
         if len(rows) < _FEW or comes < _COMES or high - low < _RISES:
             return None
-        return cls(
-            level, len(rows), comes, float(low), float(high), float(np.abs(inner[rows] - level).mean())
-        )
+        return cls(level, len(rows), comes, low, high, float(np.abs(inner[rows] - level).mean()))
 
 
 def _bridged_energised(work: WorkingCopy) -> Iterator[tuple[int, Suspect]]:
     (values,) = work.k.values()
-    changes = []
-    for i in range(work.strips - 1):
+
+    def bridged(i: int) -> list[dict[int, FloatArray]]:
         change = bridge_effect(_level(values, i)[:, None], *_PLACES)
-        changes.append([{i: change, i + 1: change}])
-    for strip, bridge, others in _outstanding(work, changes, times=_TIMES_ASKED, weakest=_LEAST_BENT):
+        return [{i: change, i + 1: change}]
+
+    every = range(work.strips - 1)
+    for strip, bridge, others in _outstanding(work, bridged, every, _GAIN, _TIMES_ASKED, _LEAST_BENT):
         clearly = bridge.gain >= _TIMES * others and bool(others)
         if (
             bridge.strength < _STRENGTH[0] and not clearly
         ):  # of one near an end the strips' own bow takes a part
             continue
-        added = bridge.strength * changes[strip][0][strip][:, bridge.which]
+        added = bridge.strength * bridged(strip)[0][strip][:, bridge.which]
         size, most, least = (float(f(added)) for f in (np.nanstd, np.nanmax, np.nanmin))
         if size > _LEAST and moved_to_and_fro(_known(_level(values, strip)), work.sigma, _HIGH_AND_LOW):
             evidence = (
@@ -361,25 +361,33 @@ def _held_against(bridge: _Bridge, others: float) -> str:
 
 def _outstanding(
     work: WorkingCopy,
-    changes: Sequence[Sequence[Mapping[int, FloatArray]]],
-    gains: tuple[float, float] = _GAIN,
-    times: float = _TIMES,
-    weakest: float = _STRENGTH[0],
+    changes: Callable[[int], Sequence[Mapping[int, FloatArray]]],
+    among: Collection[int],
+    gains: tuple[float, float],
+    times: float,
+    weakest: float,
 ) -> Iterator[tuple[int, _Bridge, float]]:
     """Yield pairs whose bridge explains much more than any between strips further away, and the most of these.
 
-    `changes`, of each pair and signature: what alternative bridges do to each of its strips (places, alternatives);
-    `gains`: the least, inside and at the edges; `times`: of those of pairs further away; `weakest`: the least
-    of a bridge's ideal effect.
+    `changes`, of a pair, by signature: what alternative bridges do to each of its strips (places, alternatives);
+    `among`: the pairs that may be yielded; `gains`: the least, inside and at the edges; `times`: of those of pairs
+    further away; `weakest`: the least of a bridge's ideal effect.
     """
+    pairs = range(work.strips - 1)
     models = [BendModel.of(work, name) for name in work.k]
-    found = [_best(models, change) for change in changes]
-    for strip, bridge in enumerate(found):
-        others = max((b.gain for i, b in enumerate(found) if abs(i - strip) > _APART), default=math.inf)
-        near = max((b.gain for i, b in enumerate(found) if 0 < abs(i - strip) <= _APART), default=0.0)
-        at_edge = strip in (0, len(found) - 1)
-        least = max(gains[at_edge], times * others, near)
-        if weakest < bridge.strength < _STRENGTH[1] and bridge.gain > least:
+    found = {strip: _best(models, changes(strip)) for strip in among}
+    enough = [
+        strip for strip, bridge in found.items()
+        if weakest < bridge.strength < _STRENGTH[1] and bridge.gain > gains[strip in (0, pairs[-1])]
+    ]  # fmt: skip
+    if not enough:
+        return
+    found |= {strip: _best(models, changes(strip)) for strip in pairs if strip not in found}
+    for strip in sorted(enough):
+        bridge = found[strip]
+        others = max((b.gain for i, b in found.items() if abs(i - strip) > _APART), default=math.inf)
+        near = max((b.gain for i, b in found.items() if 0 < abs(i - strip) <= _APART), default=0.0)
+        if bridge.gain > max(times * others, near):
             yield strip, bridge, others
 
 
