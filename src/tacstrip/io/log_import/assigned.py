@@ -41,7 +41,7 @@ def of_assigned(text: str, path: str | Path) -> Table | None:
     --------
     >>> table = of_assigned("float t[3] = {0, 1, 2};\nfloat vh[3][2] = {{1, NAN},\n{2, 3}, {3, 4}};", "x.h")
     >>> table.names, table.rows[0]
-    (('t', 'vh[0]', 'vh[1]'), ['0', '1.0', ''])
+    (('t', 'vh[0]', 'vh[1]'), ['0', '1', ''])
     """
     plain = _SHOWN.sub(r"\1 = ", _REMARK.sub("", text))
     found = [(m["name"], m["value"]) for m in _GIVEN.finditer(plain)]

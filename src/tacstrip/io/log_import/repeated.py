@@ -85,9 +85,10 @@ def of_repeated(text: str, *, worded: bool = False) -> Table | None:
         n for _, group in itertools.groupby(others, key=lambda line: line[1]) for n in _unchanging([*group])
     }
     first = min(taken)
-    parts = {n for n, form, _ in others if form in (*before, main)}  # of records that lack a line
+    # Of records that lack a line, or as long as one.
+    parts = {n for n, form, vs in others if form in (*before, main) or 2 * len(vs) >= len(main)}
     odd = [n for n in texts if n > first and n not in taken | constant and re.search(r"\d", texts[n])]
-    broken = tuple(n for n in odd if n in parts or not is_prose(texts[n]))
+    broken = tuple(sorted({*parts, *(n for n in odd if not is_prose(texts[n]))}))
     if len(taken) < _MOST * (len(taken) + len(broken)):
         return None
     kept = [k for k, name in enumerate(names) if name]
