@@ -162,8 +162,11 @@ def _filled(line: Line, main: tuple[str, ...]) -> Line:
     n, form, values = line
     same = next((k for k, (a, b) in enumerate(zip(form, main, strict=False)) if a != b), 0)
     rest = _line((n, form[same:], values[same:]))
-    void = _UNTOUCHED.search(rest) or any(says_nothing(w) for w in _WORD.findall(rest))
-    if same < _LABELLED or re.search(r"\d", rest) or not void:
+    said = _WORD.findall(rest)
+    void = _UNTOUCHED.search(rest) or any(map(says_nothing, said))
+    # With as many values, or a word of an end, it is of a reading that others have, too.
+    short = len(form) < len(main) and not any(meaning(w).channel for w in re.findall(r"[^\W\d_]+", rest))
+    if same < _LABELLED or re.search(r"\d", rest) or not (void and short):
         return line
     return n, main, (*values[:same], *["nan"] * (len(main) - 1 - same))
 
