@@ -130,9 +130,9 @@ def with_values_of_nothing(lines: list[tuple[int, str]]) -> list[tuple[int, str]
 
     Examples
     --------
-    >>> lines = [(n, f"t={n} strip=1 h=2.{n}V") for n in range(3)] + [(4, "t=3 strip=1 state=open")]
+    >>> lines = [(n, f"t={n} strip=1 h=2.{n}V l=1V") for n in range(3)] + [(4, "t=3 strip=1 state=open")]
     >>> with_values_of_nothing(lines)[3]
-    (4, 't=3 strip=1 h=nanV')
+    (4, 't=3 strip=1 h=nanV l=nanV')
     """
     split = [(n, *_parted(line)) for n, line in lines]
     main = _main([form for _, form, _ in split])
