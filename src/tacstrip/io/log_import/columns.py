@@ -26,7 +26,7 @@ from tacstrip.io.log_import.roles import (
     with_time_by_unit,
 )
 from tacstrip.io.log_import.senders import ask_for_sensor
-from tacstrip.io.log_import.table import CLOCK, PART, ROW
+from tacstrip.io.log_import.table import CLOCK, PART, ROW, NoTableError
 from tacstrip.io.log_import.unnamed import (
     readings_by_contents,
     readings_by_number,
@@ -223,7 +223,7 @@ def _find(clues: Clues, known: dict[str, Meaning]) -> Columns:
         some.sort(key=lambda n: n.rpartition(".")[0] not in within)
         text = "no column says which strip a line is of"
         if not some:
-            raise ReadingError(f"{text}; add one with its number")
+            raise NoTableError(f"{text}; add one with its number")
         clues.ask(some[0], f"{text}: is it this one? Say it of the right one", "strip")
         strip = some[0]
     readings = in_one_unit(clues, with_other_end(clues, known, readings, {time, scan, which}))

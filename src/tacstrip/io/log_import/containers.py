@@ -71,6 +71,8 @@ def read_table(path: str | Path, sheet: str | None = None) -> Table:
                 return _of_archive(_archive(file), path)
             case ".parquet":
                 return of_columns(_parquet(file))
+            case ".feather" | ".arrow" | ".ipc":
+                return of_columns(_feather(file))
             case ".xls" | ".ods" | ".mat" | ".h5" | ".hdf5" if not _is_text(file):
                 raise ReadingError(f"{path}: not a form that is read here; export it as CSV")
             case _:
@@ -254,6 +256,16 @@ def _parquet(file: Path) -> dict[str, list[Any]]:
         if said.metadata.num_rows * said.metadata.num_columns > _MOST_NUMBERS:
             raise ReadingError(f"{file}: more than {_MOST_NUMBERS:,} numbers; cut it into pieces")
         columns: dict[str, list[Any]] = said.read().to_pydict()
+    return columns
+
+
+def _feather(file: Path) -> dict[str, list[Any]]:
+    feather = _library("pyarrow.feather", file, "data")
+    with file.open("rb") as opened, _library_at_work(file):
+        read = feather.read_table(opened, memory_map=False)
+        if read.num_rows * read.num_columns > _MOST_NUMBERS:
+            raise ReadingError(f"{file}: more than {_MOST_NUMBERS:,} numbers; cut it into pieces")
+        columns: dict[str, list[Any]] = read.to_pydict()
     return columns
 
 

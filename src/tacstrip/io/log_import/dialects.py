@@ -12,7 +12,9 @@ import numpy.typing as npt
 
 from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.arrays import of_arrays
+from tacstrip.io.log_import.assigned import of_assigned
 from tacstrip.io.log_import.fields import number_of, says_nothing
+from tacstrip.io.log_import.gathered import touched_vary
 from tacstrip.io.log_import.prints import of_matlab, of_octave, of_r, vector
 from tacstrip.io.log_import.strays import filled_lines
 from tacstrip.io.log_import.table import Table, of_records
@@ -36,6 +38,7 @@ def of_dialect(text: str, path: str) -> Table | None:
         of_octave,
         of_matlab,
         of_r,
+        of_assigned,
         of_yaml,
     )
     return next((table for read in readers if (table := read(text, path)) is not None), None)
@@ -52,7 +55,7 @@ def _merged(entries: Iterable[tuple[int, Mapping[str, str], Mapping[str, str]]],
             lines.append(line)
             last = labels
         records[-1] |= values
-    return of_records(records, lines, ".", told)
+    return replace(of_records(records, lines, ".", told), varied=touched_vary(records) > 1)
 
 
 def _teleplot(text: str, _: str) -> Table | None:

@@ -25,7 +25,7 @@ _OVER = re.compile(
 )  # what instruments send above their range
 _DAY_S = 86400.0
 _GARBLED_RUN = 2.5  # letters beyond ASCII next to each other, in the mean
-_GROUPED = re.compile(r"(?<=\d)[ '\u2009\u202f\xa0](?=\d{3}(?!\d))")
+_GROUPED = re.compile(r"(?<=\d)[ '\u2009\u202f\xa0\u2019](?=\d{3}(?!\d))")
 _OF_DAY = r"(?P<h>\d{1,2}):(?P<m>\d\d):(?P<s>\d\d(?:[.,]\d+|:\d{3,6})?)\s*(?P<half>[AaPp]\.?[Mm]\.?)?"
 _DATE = (
     r"(?:(?P<Y>\d{4})[-/.](?P<M>\d\d?)[-/.](?P<D>\d\d?)"
@@ -92,6 +92,7 @@ def quantity(text: str, decimal: str = ".") -> tuple[float, str] | None:
         .replace("\u202f", " ")
         .replace("\xa0", " ")
         .replace("\u2212", "-")
+        .replace("\u2019", "'")
         .replace("\u03bc", "\u00b5")
     )
     text = text if text.isascii() else with_latin_units(text)
@@ -123,7 +124,7 @@ def ungrouped(text: str) -> str:
     """
     return (
         _GROUPED.sub("", text)
-        if re.match(r"[+-]?\d{1,3}(?:[ '\u2009\u202f\xa0]\d{3})+(?!\d)", text)
+        if re.match(r"[+-]?\d{1,3}(?:[ '\u2009\u202f\xa0\u2019]\d{3})+(?!\d)", text)
         else text
     )
 

@@ -16,6 +16,7 @@ from tacstrip.errors import OptionError, ReadingError
 from tacstrip.io.log_import import conversion, no_contact, time_unit, units
 from tacstrip.io.log_import.broken import settle_broken
 from tacstrip.io.log_import.changes import ask_for_notes
+from tacstrip.io.log_import.channel_lines import inputs_as_columns
 from tacstrip.io.log_import.columns import Columns, find_columns
 from tacstrip.io.log_import.doubts import raise_doubts
 from tacstrip.io.log_import.ends import above
@@ -28,7 +29,7 @@ from tacstrip.io.log_import.scans import LogScan, is_newest_first, scans, strip_
 from tacstrip.io.log_import.sides import assigned_otherwise, from_the_right_said
 from tacstrip.io.log_import.statements import base_said
 from tacstrip.io.log_import.supply import ask_for_supply
-from tacstrip.io.log_import.table import PART, Table
+from tacstrip.io.log_import.table import PART, REPEATED, NoTableError, Table
 from tacstrip.io.log_import.turns import with_turn
 from tacstrip.io.log_import.write import at_rest
 from tacstrip.sensor.spec import Sensor
@@ -92,6 +93,9 @@ def settled(table: Table, read: Callable[[Table], Read]) -> Read:
     fewest: float = np.inf
     kept: Exception | None = None
     for one in itertools.chain([table], table.retries()):
+        unnamed = isinstance(kept, Unanswered) and not table.named
+        if REPEATED in one.remarks and kept and not (unnamed or isinstance(kept, NoTableError)):
+            continue  # what is said of the log is more than that nothing tells its form
         try:
             return read(one)
         except (ReadingError, OptionError, Unanswered) as error:
@@ -228,6 +232,7 @@ def _assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
             f"missing {' and '.join(map(repr, lacking))}, the last? Else write in what is, or take its name out",
             "skip",
         )  # fmt: skip
+    clues.table = inputs_as_columns(clues)
     try:
         found = find_columns(clues)
     except Unanswered:
@@ -235,6 +240,7 @@ def _assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
         raise Unanswered(*clues.questions) from None
     _drop_repeated(clues, found)
     drop_others(clues, found)
+    found = _as_wired(clues, found)
     mapping, rough = _rough(clues, found)
     mapping = time_unit.settled_time(clues, mapping, rough)
     mapping = replace(
@@ -269,6 +275,20 @@ def _drop_repeated(clues: Clues, found: Columns) -> None:
     for n in again:
         clues.doubt(f"line {table.lines[n]} is line {table.lines[n - 1]} again: left out")
     clues.table = replace(table, rows=[table.rows[n] for n in kept], lines=[table.lines[n] for n in kept])
+
+
+def _as_wired(clues: Clues, found: Columns) -> Columns:
+    """Return columns as of the strips that a line above gives to each of them, whatever number its name has."""
+    columns = {n: int(what.partition(":")[0]) for n, what in found.readings.items() if ":" in what}
+    line, _, wired = assigned_otherwise(columns, clues.table.preamble)
+    if not wired or len(wired) < len(found.readings) or "strip_order" in clues.answers:
+        return found
+    clues.doubt(f"columns are taken as of the strips that the log says they are of: {line.strip()[:_LONG]!r}")
+    first = min(columns.values())
+    return replace(
+        found,
+        readings={n: f"{first + wired[n]}:{what.rpartition(':')[2]}" for n, what in found.readings.items()},
+    )
 
 
 def _rough(clues: Clues, found: Columns) -> tuple[ColumnMapping, list[LogScan]]:
@@ -436,7 +456,7 @@ def _strip_order(clues: Clues, found: Columns, strips: int) -> str:
         return answer
     said = (*clues.table.preamble, found.strip.replace("_", " "))
     columns = {n: int(what.partition(":")[0]) for n, what in found.readings.items() if ":" in what}
-    line, turned = assigned_otherwise(columns, clues.table.preamble)
+    line, turned, _ = assigned_otherwise(columns, clues.table.preamble)
     if line and not turned:
         raise ReadingError(
             f"the log says {line.strip()[:_LONG]!r}, and columns are named otherwise: give them the strips' numbers"
@@ -471,9 +491,10 @@ def _where(clues: Clues, found: Columns, strip: int) -> str:
 
 
 def _broken(clues: Clues) -> str:
-    broken = clues.table.broken
+    changes = {line for line, _ in clues.table.changes}  # of which another asks
+    broken = [line for line in clues.table.broken if line not in changes]
     if not broken:
-        return clues.answers.get("broken_lines", "error")
+        return clues.answers.get("broken_lines", "skip" if changes else "error")
     shown = (
         ", ".join(map(str, broken[:5]))
         + (", ..." if len(broken) > 5 else "")

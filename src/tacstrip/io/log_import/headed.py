@@ -11,7 +11,7 @@ from dataclasses import replace
 from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.fields import is_prose, is_value, number_of, says_nothing, ungrouped
 from tacstrip.io.log_import.names import READING_UNITS, UNITS, meaning, meanings, unknown_unit
-from tacstrip.io.log_import.table import GARBLED, ContradictionError, Table
+from tacstrip.io.log_import.table import GARBLED, ContradictionError, NoTableError, Table
 
 _TALLEST_HEADER = 5
 _STATISTICS = frozenset(
@@ -71,7 +71,7 @@ def headed(
         said = (
             f": {strange[1]!r}, as in {strange[0]!r}, is no unit of readings that is known" if strange else ""
         )
-        raise ReadingError(f"the log has no column of numbers{said}")
+        raise (ReadingError if said else NoTableError)(f"the log has no column of numbers{said}")
     # Words that stand for no contact come again in the lines below the names.
     lower = [
         row

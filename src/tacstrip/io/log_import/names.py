@@ -189,6 +189,13 @@ def meanings(names: Sequence[str]) -> dict[str, Meaning]:
     split = {name: ([t for t in ts if t not in shared] or ts, u) for name, (ts, u) in split.items()}
     split = _with_letters(split)
     found = {n: meaning(n) if _NAMELESS.fullmatch(n) else _of_tokens(*tokens) for n, tokens in split.items()}
+    roles = {m.role for m in found.values()}
+    last = {
+        n: meaning(n.rpartition(".")[2])
+        for n, m in found.items()
+        if not m.role and re.search(r"\.[^\W\d]\w*\Z", n)
+    }
+    found |= {n: m for n, m in last.items() if m.role and m.role not in roles}  # as in "tags.strip"
     if any(
         m.channel == "b" and m.strip is not None for m in found.values()
     ):  # then a1, a2, ... are no analog pins
@@ -451,7 +458,7 @@ def _tokens(name: str) -> tuple[list[str], str]:
         unit = unit or _IN_NAMES.get(inner, "") or _IN_NAMES.get(inner.rpartition(" in ")[2], "")
         if not re.search(r"\d", inner) and inner not in _HIGH | _LOW | _OUT:  # as in analogRead(H)
             plain = plain.replace(bracket.group(0), " ")
-    slash = re.search(r"/\s*(\w+|%)\s*$", plain)
+    slash = re.search(r"[/,]\s*(\w+|%)\s*$", plain)
     if slash and slash.group(1).lower() in _IN_NAMES:
         unit, plain = unit or _IN_NAMES[slash.group(1).lower()], plain[: slash.start()]
     plain = re.sub("[mcdu\u00b5]V", lambda unit: unit[0].lower(), plain).replace(

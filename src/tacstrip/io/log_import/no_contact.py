@@ -147,7 +147,14 @@ def numbers_for_nothing(clues: Clues, rough: list[LogScan]) -> tuple[str, ...]:
         found.append(f"{negative[0]:g}")
         clues.because(f"{negative[0]:g} stands for no contact: it is the only negative number")
     rest = sorted(v for v in numbers if f"{v:g}" not in found)
-    if len(rest) > 1 and rest[-1] in _SENTINELS and rest[-2] < 0.5 * rest[-1]:
+    if len(rest) > 1 and (
+        (rest[-1] in _SENTINELS and rest[-2] < 0.5 * rest[-1])
+        or (
+            rest[-2] < _NEAR_0 * rest[-1]
+            and numbers[rest[-1]] > _MANY * values.size
+            and _is_alone(values, rest[-1])
+        )
+    ):
         found.append(f"{rest.pop():g}")
         clues.because(f"{found[-1]} stands for no contact: all other readings are far below it")
     rests = clues.sensor is not None and clues.sensor.rest_volt is not None
@@ -157,6 +164,13 @@ def numbers_for_nothing(clues: Clues, rough: list[LogScan]) -> tuple[str, ...]:
     if rest and not (rests or found or np.isnan(values).any()):
         found += _at_an_end(clues, values, rest)
     return tuple(found)
+
+
+def _is_alone(values: FloatArray, end: float) -> bool:
+    """Return whether both channels of a strip have a number at once, and strips without it lie side by side."""
+    idle = np.asarray((values == end).all(axis=2))
+    side_by_side = all(row[np.argmax(row) :][: row.sum()].all() for row in np.asarray(~idle))
+    return side_by_side and bool(((values == end).any(axis=2) == idle).all())
 
 
 def _at_an_end(clues: Clues, values: FloatArray, rest: list[float]) -> list[str]:

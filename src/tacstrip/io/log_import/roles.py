@@ -88,7 +88,7 @@ def with_time_by_unit(clues: Clues, known: dict[str, Meaning]) -> dict[str, Mean
 def time_column(clues: Clues, known: dict[str, Meaning]) -> str:
     """Return the column of the time: that which never falls and says the most."""
     there = []
-    dated = {n for n, m in known.items() if m.role == "" and n != ROW and are_times(clues.table.column(n))}
+    dated = {n for n in known if n not in (ROW, *clues.answers) and are_times(clues.table.column(n))}
     for n in [name for name, m in known.items() if m.role == "time" or name in dated]:
         fields = clues.table.column(n)
         numbers = [number_of(f, clues.table.decimal) for f in fields]
@@ -165,6 +165,10 @@ def strip_column(clues: Clues, known: dict[str, Meaning], which: str, wide: list
     if wide and there and not any(n in clues.answers for n in there):
         one = clues.sensor is not None and clues.sensor.strips == 1
         there = [n for n in there if len(set(clues.table.column(n))) > 1 and not one and len(wide) <= 2]
+    if len(there) > 1 and not {*there} & {
+        *clues.answers
+    }:  # one that stays while another counts numbers the scans
+        there = [n for n in there if not any(_counts_within(clues, o, n) for o in there if o != n)] or there
     if len(there) > 1:
         clues.ask(there[1], f"both {there[0]!r} and {there[1]!r} look like the strip: which is not?", "skip")
     if there:
@@ -195,6 +199,14 @@ def strip_column(clues: Clues, known: dict[str, Meaning], which: str, wide: list
             clues.because(f"{name}: {strips} whole numbers that come again and again, as many as strips")
             return name, 0.0
     return "", 0.0
+
+
+def _counts_within(clues: Clues, inner: str, outer: str) -> bool:
+    """Return whether one column has each of its values once, in turn, while another one stays."""
+    many = len({*clues.table.column(inner)})
+    pairs = zip(clues.table.column(outer), clues.table.column(inner), strict=True)
+    runs = [{i for _, i in run} for _, run in itertools.groupby(pairs, key=lambda pair: pair[0])]
+    return many > 1 and len(runs) * many == len(clues.table.rows) and all(len(run) == many for run in runs)
 
 
 def _number_within_strips(clues: Clues, known: dict[str, Meaning]) -> str:

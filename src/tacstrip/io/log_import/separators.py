@@ -7,9 +7,9 @@ import re
 from collections import Counter
 from pathlib import Path
 
-from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.fields import clock_seconds, is_value, number_of, says_nothing
 from tacstrip.io.log_import.records import STEADY
+from tacstrip.io.log_import.table import NoTableError
 
 _WIDE = "  "  # two spaces or more
 _SEPARATORS = (";", "\t", "|", ",", _WIDE, " ")
@@ -74,7 +74,7 @@ def separator_of(data: list[tuple[int, str]], path: str | Path) -> tuple[str, in
         if sum(number_of(line) is not None or says_nothing(line.strip()) for _, line in data) < STEADY * len(
             data
         ):
-            raise ReadingError(f"{path}: no table: no line has two fields")
+            raise NoTableError(f"{path}: no table: no line has two fields")
         return ",", 1
     share, separator, width = max(
         ranked, key=lambda r: (r[0] > STEADY, r[0] > 0.98, -_SEPARATORS.index(r[1]), r[0])
@@ -83,7 +83,7 @@ def separator_of(data: list[tuple[int, str]], path: str | Path) -> tuple[str, in
     if share < enough and len(data) > _FEW_LINES:
         share, separator, width = _below_a_preamble(ranked, data)
     if share < enough and len(data) > _FEW_LINES:
-        raise ReadingError(
+        raise NoTableError(
             f"{path}: no separator gives lines of as many fields; save it as CSV with one line per reading"
         )
     return separator, width

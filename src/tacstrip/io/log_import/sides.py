@@ -34,6 +34,7 @@ _FIRST, _LAST = (
 _SHIFTED = re.compile(
     rf"\b{_STRIP}\s*#?([a-z])\b[^.;]{{0,20}}?\b{_STRIP}\s*#?\1\s*([-+])\s*([1-9]\d*)\b", re.IGNORECASE
 )
+_IS = r"(?:[:=]|[-=]>|\u2192|\b(?:is|on|to|at)\b)"
 _FEW = 2  # columns of which a strip is told
 # Of what touches, of one strip beside another, of the two ends of a strip, or of nothing.
 _OTHERWISE = re.compile(
@@ -43,19 +44,22 @@ _OTHERWISE = re.compile(
 )
 
 
-def assigned_otherwise(columns: Mapping[str, int], lines: Sequence[str]) -> tuple[str, bool]:
+def assigned_otherwise(columns: Mapping[str, int], lines: Sequence[str]) -> tuple[str, bool, dict[str, int]]:
     """Return the line that gives columns to other strips than their names do, and whether just to those from the right.
 
-    Not where it only counts from another number on.
+    Also the strip of each column, where it names one for all of them. Not where it only counts from another number on.
 
     Examples
     --------
-    >>> assigned_otherwise({"A0": 0, "A1": 1, "A2": 2}, ["wiring: A0 = strip 2 ... A2 = strip 0"])
-    ('wiring: A0 = strip 2 ... A2 = strip 0', True)
-    >>> assigned_otherwise({"A0": 0, "A1": 1, "A2": 2}, ["A0 = strip 1, A1 = strip 2"])
-    ('', False)
-    >>> assigned_otherwise({"A0": 0, "A1": 1, "A2": 2}, ["value in column n is from strip n-1"])
-    ('value in column n is from strip n-1', False)
+    >>> pins = {"A0": 0, "A1": 1, "A2": 2}
+    >>> assigned_otherwise(pins, ["wiring: A0 = strip 2 ... A2 = strip 0"])
+    ('wiring: A0 = strip 2 ... A2 = strip 0', True, {})
+    >>> assigned_otherwise(pins, ["A0 = strip 1, A1 = strip 2"])
+    ('', False, {})
+    >>> assigned_otherwise(pins, ["value in column n is from strip n-1"])
+    ('value in column n is from strip n-1', False, {})
+    >>> assigned_otherwise(pins, ["strip 1 on A0, strip 0 on A1, strip 2 on A2"])[1:]
+    (False, {'A0': 1, 'A1': 0, 'A2': 2})
     """
     named = [
         int(m[1]) for name in columns if not name.startswith("column ") and (m := re.search(r"(\d+)", name))
@@ -63,17 +67,23 @@ def assigned_otherwise(columns: Mapping[str, int], lines: Sequence[str]) -> tupl
     for line in lines:
         # Strip n + 1 of columns from 0 on, and n - 1 of columns from 1 on, are the same strips counted otherwise.
         if (m := _SHIFTED.search(line)) and (not named or min(named) + int(m[2] + m[3]) not in (0, 1)):
-            return line, False
-    told: dict[int, tuple[int, str]] = {}
-    for name, strip in columns.items():
+            return line, False, {}
+    told: dict[str, tuple[int, str]] = {}
+    for name in columns:
         bare = re.escape(re.sub(r"\s*[\[(].*", "", name))
         said = re.compile(
-            rf"(?<!\w){bare}\s*(?:[:=]|[-=]>|\u2192|\bis\b|\bon\b|\bto\b)\s*{_STRIP}\s*#?(\d+)", re.IGNORECASE
+            rf"(?<!\w){bare}\s*{_IS}\s*{_STRIP}\s*#?(\d+)|\b{_STRIP}\s*#?(\d+)\s*{_IS}\s*(?:pin |input )?{bare}(?!\w)",
+            re.IGNORECASE,
         )
-        told.update((strip, (int(m[1]), line)) for line in lines if (m := said.search(line)))
-    if len(told) < _FEW or len({number - strip for strip, (number, _) in told.items()}) == 1:
-        return "", False
-    return next(iter(told.values()))[1], len({number + strip for strip, (number, _) in told.items()}) == 1
+        told.update((name, (int(m[1] or m[2]), line)) for line in lines if (m := said.search(line)))
+    shifts = {number - columns[name] for name, (number, _) in told.items()}
+    if len(told) < _FEW or len(shifts) == 1:
+        return "", False, {}
+    turned = len({number + columns[name] for name, (number, _) in told.items()}) == 1
+    numbers = sorted(number for number, _ in told.values())
+    whole = numbers == list(range(numbers[0], numbers[0] + len(columns))) and numbers[0] in (0, 1)
+    wired = {name: number - numbers[0] for name, (number, _) in told.items()} if whole and not turned else {}
+    return next(iter(told.values()))[1], turned, wired
 
 
 def from_the_right_said(lines: Sequence[str], strips: int) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import re
 from collections import Counter
@@ -11,7 +12,7 @@ from dataclasses import replace
 from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.fields import is_prose, says_nothing
 from tacstrip.io.log_import.names import meanings
-from tacstrip.io.log_import.table import ContradictionError, Table
+from tacstrip.io.log_import.table import ContradictionError, NoTableError, Table
 
 _NUMBER = re.compile(r"(?<![A-Za-z])[+-]?(?:\d+(?:[.:/-]\d+)*|\.\d+)(?:[eE][+-]?\d+)?|\b0x[\dA-Fa-f]+\b")
 _COMMA_WITHIN = re.compile(r"(?<=\d),(?=\d)")
@@ -155,8 +156,11 @@ def filled_lines(text: str) -> list[tuple[int, str]]:
     return [(n, line.strip()) for n, line in numbered(text) if line.strip()]
 
 
-def with_retries(text: str, read: Read) -> Table:
+def with_retries(text: str, read: Read, last: Callable[[bool], Table | None]) -> Table:
     """Return the table of a text, of which `read` leaves lines out; with those that lines set aside would make of it.
+
+    And with the `last` one, of whatever form its lines are, where nothing tells of which; it is told whether the text
+    is no table as it stands.
 
     Raises
     ------
@@ -164,19 +168,23 @@ def with_retries(text: str, read: Read) -> Table:
         It is no table, whatever is set aside.
     """
 
-    def retries() -> Iterator[Table]:
+    def retries(refused: ReadingError | None = None) -> Iterator[Table]:
         for strays in stray_lines(text):
             try:
                 yield _told(read(strays), strays, dict(numbered(text)))
             except ReadingError:
                 continue
+        if refused is None or isinstance(refused, NoTableError):
+            with contextlib.suppress(ReadingError):
+                if (table := last(refused is not None)) is not None:
+                    yield table
 
     try:
         return replace(read(frozenset()), retries=retries)
     except ContradictionError:
         raise
     except ReadingError as error:
-        others = retries()
+        others = retries(error)
         refused = error
         if strays := max(stray_lines(text), key=len, default=frozenset()):
             shown = _quoted(sorted(strays), dict(numbered(text)))

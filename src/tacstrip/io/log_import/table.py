@@ -16,6 +16,7 @@ from tacstrip.errors import ReadingError
 
 GARBLED = "\ufffd"  # for what a board wrote as it was reset
 CLOCK = "time stamp"  # the column of what a serial monitor or a logger puts before each line
+REPEATED = "lines of one form: what changes from line to line are values"
 PART = "part"  # the column that tells lines above a change of what readings mean from those below it
 ROW = "line of its block"  # where blocks of as many lines follow each other
 _MOST_VOLTS = 100.0  # no Vref has more
@@ -32,6 +33,10 @@ _DEEPEST = 32  # levels of records within records
 
 class ContradictionError(ReadingError):
     """What no line that is set aside would mend."""
+
+
+class NoTableError(ReadingError):
+    """Nothing tells where a log's fields begin and end, or what they are."""
 
 
 @dataclass(frozen=True)

@@ -47,6 +47,7 @@ from tacstrip.io.log_import.pandas_print import of_pandas
 from tacstrip.io.log_import.prints import of_displayed_scans
 from tacstrip.io.log_import.records import STEADY
 from tacstrip.io.log_import.registers import with_registers
+from tacstrip.io.log_import.repeated import of_repeated, with_values_of_nothing
 from tacstrip.io.log_import.runs import of_runs
 from tacstrip.io.log_import.sections import in_one_table
 from tacstrip.io.log_import.separated import separated
@@ -77,6 +78,7 @@ _FORTRAN = re.compile(r"(?<!\w)([-+]?(?:\d+\.\d*|\.\d+))[DdQq]([+-]\d{2,3})(?!\w
 _SCALAR = re.compile(r"\b(?:np|numpy)\.(?:float|u?int)\d+\(([^()]*)\)")  # as NumPy 2 prints one in a list
 _BOUND = re.compile(r"(\d)\s?(?:\u00b1|\+/-)\s?\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?(?!\d|\s?(?:\u00b1|\+/-))")
 _COLOUR = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")  # of a terminal
+_FORMULA = re.compile(r"=\s*\d+\s*[*+]\s*\(?[A-Za-z]")  # as "ch = 2*strip"
 _LINE_END = re.compile(
     r"(?m)(?:<CR>|<LF>|\[CR\]|\[LF\]|<0[DA]>|\[0[DA]\]|\\r|\\n|\u240d|\u240a)+(?=\r?$)"
 )  # as monitors show it
@@ -94,7 +96,16 @@ def of_text(text: str, path: str | Path = "the log") -> Table:
             f"{path}: line {text.count(chr(10), 0, endless.start()) + 1}: {len(endless.group())} characters and more "
             f"without an end ({endless.group()[:10]}...); damaged, or no log: take them out"
         )
-    return with_retries(text, lambda strays: _with_lines(_announced(text, path, strays), text))
+    return with_retries(
+        text,
+        lambda strays: _with_lines(_announced(text, path, strays), text),
+        lambda refused: _repeated(text, refused),
+    )
+
+
+def _repeated(text: str, refused: bool) -> Table | None:
+    table = of_repeated(_COLOUR.sub("", text), worded=not refused)
+    return None if table is None else _with_lines(in_normal_form(table), text)
 
 
 def _announced(text: str, path: str | Path, strays: frozenset[int]) -> Table:
@@ -160,10 +171,11 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     lines, passed = without_levels(lines)
     messages = "; ".join(filter(None, [messages, typed, passed]))
     lines = bare(lines)
-    lines = in_one_table(_in_pairs(of_groups(of_slashes(_of_topics(lines)))))
-    table = named_values([(i, line) for i, line in lines if not line.lstrip().startswith(_COMMENT)])
+    lines = in_one_table(_in_pairs(with_values_of_nothing(of_groups(of_slashes(_of_topics(lines))))))
+    beside = [line.lstrip().startswith(_COMMENT) or bool(_FORMULA.search(line)) for _, line in lines]
+    remarked = [line for (_, line), so in zip(lines, beside, strict=True) if so]
+    table = named_values([line for line, so in zip(lines, beside, strict=True) if not so])
     if table is not None:
-        remarked = [line for _, line in lines if line.lstrip().startswith(_COMMENT)]
         table = replace(table, preamble=(*table.preamble, *remarked))
     else:
         blank = {i for i, line in every if not line.strip() or _RULE.fullmatch(line)}

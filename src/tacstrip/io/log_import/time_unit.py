@@ -25,7 +25,7 @@ from tacstrip.io.log_import.questions import Clues
 from tacstrip.io.log_import.scans import LogScan, raw_times
 from tacstrip.io.log_import.table import CLOCK, ROW
 
-_RATES_HZ = (0.12, 5000.0)  # scans per second that a log may have
+_RATES_HZ = (0.12, 1000.0)  # scans per second that a log may have
 _POSSIBLE_S = (1.5e-4, 3600.0)  # from scan to scan
 _EVEN = 0.2  # of the largest step: so much may others of a clock be less
 _FEW_CODES = 6  # distinct readings that lie on a converter's steps: no chance
