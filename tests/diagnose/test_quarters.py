@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from test_workshop import METAL, dragged_off_both_ends
 
 from tacstrip.diagnose import Log, diagnose
-from tests.diagnose.test_workshop import METAL, dragged_off_both_ends
 
 _OPEN = 3
 
