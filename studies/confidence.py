@@ -38,10 +38,12 @@ from tacstrip.reconstruction.posterior.assessment import (
     Doubts,
     Effort,
     doubts,
+    doubts_of_regular,
     doubts_of_rounded,
 )
 from tacstrip.reconstruction.posterior.draws import Draws
-from tacstrip.reconstruction.posterior.rounded import RoundedDraws, RoundedOutline
+from tacstrip.reconstruction.posterior.regular import RegularDraws
+from tacstrip.reconstruction.posterior.rounded import RoundedDraws
 
 ONE = ("kh", "kl", "k")
 # Of outlines, by how much a case of each counts: nobody knows how often people press what is not convex.
@@ -61,7 +63,7 @@ class Judged:
     confidence: float
     iou: float
     # Of one signature where the confidence is what decides: doubts of the polygon or ellipse, and of its rounded
-    # rival, each with the IoU of that outline.
+    # and regular rivals, each with the IoU of that outline.
     doubts: tuple[tuple[Doubts, float], ...] = ()
 
     @property
@@ -119,10 +121,16 @@ def judge(one: Case, effort: Effort, area: bool = False) -> Judged:
         return note(doubts(expected, run, model, *given), model.chains_mm(run.problem))
 
     def noted_rounded(rounded: RoundedDraws, best: int, drawn: Draws, corners: float) -> Doubts:
-        outline = RoundedOutline.of(rounded, best, drawn.problem.lam)
+        outline = rounded.outline(best, drawn.problem.lam)
         return note(doubts_of_rounded(rounded, best, drawn, corners), outline.chains_mm(drawn.problem))
 
-    with mock.patch.multiple(assessment, doubts=noted, doubts_of_rounded=noted_rounded):
+    def noted_regular(regular: RegularDraws, best: int, run: RunFit, *given: Any) -> Doubts:
+        chains = regular.outline(best).chains_mm(run.problem)
+        return note(doubts_of_regular(regular, best, run, *given), chains)
+
+    with mock.patch.multiple(
+        assessment, doubts=noted, doubts_of_rounded=noted_rounded, doubts_of_regular=noted_regular
+    ):
         known = float(one.truth.area) if area else None
         found = ts.fit_polygon(one.scan, one.sensor, one.told, assessment=effort, area_mm2=known).objects
     largest = max(found, key=lambda o: o.strips.stop - o.strips.start)

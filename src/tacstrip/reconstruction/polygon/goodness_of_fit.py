@@ -32,6 +32,7 @@ from tacstrip.reconstruction.polygon.convexity import (
 )
 from tacstrip.reconstruction.polygon.faulty_channel import contradictory, one_end_off
 from tacstrip.reconstruction.polygon.run import MOST_SIGMA, RunFit, residual_sums
+from tacstrip.reconstruction.posterior.family_outline import FamilyOutline
 from tacstrip.sensor.spec import Sensor
 
 _ALARM = 3.5  # standard deviations of a test's statistic
@@ -319,11 +320,12 @@ def weakness(
     """
     if isinstance(model, Ellipse):
         return "this contact looks round: the outline is the ellipse that explains the readings better than corners"
-    if not isinstance(model, PolygonFit):
+    if isinstance(model, FamilyOutline):
         return (
-            "this contact looks rounded: the outline is the commonest of the rounded ones that explain the readings; "
+            f"this contact looks like {model.kind}: the outline is the commonest of these that explain the readings; "
             "take the outline, not the vertices"
         )
+    assert isinstance(model, PolygonFit)
     selection = run.selection
     if run.ellipse_advantage > _RIVAL:
         return "this contact looks round: an ellipse fits as well; take the outline, not the vertices"

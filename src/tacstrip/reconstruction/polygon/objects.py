@@ -46,7 +46,7 @@ from tacstrip.reconstruction.posterior.assessment import (
     assess,
     few_strips,
 )
-from tacstrip.reconstruction.posterior.rounded import RoundedOutline
+from tacstrip.reconstruction.posterior.family_outline import ROUNDED, FamilyOutline
 from tacstrip.reconstruction.result import Alternative, Profile, RecoveredObject, Status
 from tacstrip.reconstruction.set_membership.edge_lines import ReadingBounds
 from tacstrip.reconstruction.set_membership.estimate import Bounded, fewest
@@ -242,7 +242,8 @@ def reconstruct_object(
         not wrong and (faulty := contradictory(run, sensor, contact.readings) | railed).any()
     ):  # else it may be the outline
         notes = _notes(scan, sensor, contact, around, noise is not None, faulty)
-    of_one = ENOUGH if isinstance(model, RoundedOutline) else ENOUGH_OF_ONE.get(effort, ENOUGH)
+    rounded = isinstance(model, FamilyOutline) and model.kind == ROUNDED
+    of_one = ENOUGH if rounded else ENOUGH_OF_ONE.get(effort, ENOUGH)
     of_both = ENOUGH_OF_FEW if few_strips(run) else ENOUGH
     enough = of_both if not second else _NEVER if never else of_one
     status, advice = _verdict(

@@ -19,7 +19,9 @@ from tacstrip.geometry.metrics import column_iou
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.polygon.run import MOST_SIGMA, RunFit
 from tacstrip.reconstruction.posterior.draws import Draws, column_ends, columns, draw
-from tacstrip.reconstruction.posterior.rounded import RoundedDraws, RoundedOutline, draw_rounded
+from tacstrip.reconstruction.posterior.family_outline import FamilyOutline
+from tacstrip.reconstruction.posterior.regular import RegularDraws, draw_regular
+from tacstrip.reconstruction.posterior.rounded import RoundedDraws, draw_rounded
 from tacstrip.reconstruction.result import Alternative
 from tacstrip.sensor.spec import Sensor
 
@@ -37,14 +39,17 @@ _HELD_STRIPS, _EVALUATIONS_OF_FEW = 5, 56_000
 _KEPT = {"thorough": 240, "fast": 100}
 _RATHER_WRONG, _BETTER = 0.5, 0.1  # an estimate less sure than this is given up for one that is so much surer
 _ROUNDED_BETTER = 0.3  # likewise a polygon for a rounded outline, for the vertices are lost with it
+_REGULAR_BETTER = 4.5  # times the odds, likewise for a regular outline
 # With one signature: log odds of being right, by kind of `doubts`, whose terms these go with. `studies/confidence.py`
 # fits them, but for that of an ellipse at the border (the fourth of its kinds).
-_FEW, _POLYGON, _ELLIPSE, _ROUNDED, _RIVALS = "few strips", "polygon", "ellipse", "rounded", ", rivals"
+_FEW, _POLYGON, _ELLIPSE, _RIVALS = "few strips", "polygon", "ellipse", ", rivals"
+_ROUNDED, _REGULAR = "rounded", "regular"
 _ODDS: dict[str, dict[str, tuple[float, ...]]] = {
     "thorough": {
         _FEW: (-2.307, 1.368, 0.4, -0.211),
-        _POLYGON + _RIVALS: (-1.388, 0.919, -0.353, -2.049, -32.46, 0.271, 0.895),
-        _ELLIPSE + _RIVALS: (-7.554, 1.999, 1.112, -3.0, -2.016, 2.184, 0.512),
+        _POLYGON + _RIVALS: (-3.400, 0.115, -0.293, -1.272, -20.37, 0.089, 0.397, 0.818, -0.284, -0.275),
+        _ELLIPSE + _RIVALS: (-1.827, 0.457, 0.378, -3.0, -2.987, 3.761, 0.329, 0.642, 0.386, -0.168),
+        _REGULAR: (-4.330, 0.662, 0.345, 0.600, 0.369, -0.534, -0.193, -14.726),
         _ROUNDED: (-4.503, 1.244, -0.310, 0.718, 0.185),
         _POLYGON: (-1.957, 1.436, -0.346, -1.141, -30.5),
         _ELLIPSE: (-8.726, 2.087, 1.242, -3.0, -1.243),
@@ -58,6 +63,7 @@ _ODDS: dict[str, dict[str, tuple[float, ...]]] = {
 _PLAIN, _MANY = 5, 7  # corners that are no doubt, and how many more of them count
 _LEAST = 0.02  # expected IoU that none counts as
 _MISFITS = (0.5, 300.0)  # of the best rounded outline, beyond which it tells no more
+_WORST = -60.0  # advantage of regular outlines, below which it tells no more
 _SQUARES = (0.3, 3.0)  # of the residuals a degree of freedom, likewise
 _SHORT = (
     0.4  # at most, where the readings hold another count than was given: a third of the surer ones are right
@@ -143,10 +149,14 @@ def assess(
     confidence = float(own @ drawn.weight)
     better: OutlineModel | None = None
     every = column_iou(drawn.ends[:, None], drawn.ends[None])
-    rounded = None
+    rivals = None
     free = area_mm2 is None and known_count is None
     if one and effort == "thorough" and free and run.problem.x.size >= ENOUGH_STRIPS:
-        rounded = draw_rounded(drawn.problem, drawn.window, drawn.x, ends)
+        least = float(drawn.samples.squares.min()) / drawn.problem.readings
+        rivals = (
+            draw_rounded(drawn.problem, drawn.window, drawn.x, ends),
+            draw_regular(drawn.problem, drawn.window, drawn.x, least),
+        )
     if one:
         fitting = drawn.fitting(known_count)
         short = known_count is not None and len(outline.vertices) != known_count
@@ -161,18 +171,26 @@ def assess(
                 outline = Outline(*better.chains_mm(run.problem))
                 ends = drawn.ends_of(outline.lower, outline.upper)
         corners = float(len(outline.vertices))
-        if rounded is not None:  # long chains: their counts tell more
+        if rivals is not None:  # long chains: their counts tell more
             corners = float(vertex_counts(drawn.samples.outlines).mean())
         expected = float(drawn.overlap(ends) @ drawn.weight)
-        told_by = doubts(expected, run, better or run.model, corners, ends, drawn.at_border, rounded, faults)
+        told_by = doubts(expected, run, better or run.model, corners, ends, drawn.at_border, rivals, faults)
         confidence = told_by.probability(effort)
         confidence = min(confidence, _SHORT) if short else confidence
-        if rounded is not None and not isinstance(better or run.model, Ellipse):
-            best = rounded.commonest()
-            told_by = doubts_of_rounded(rounded, best, drawn, corners)
-            if (surer := told_by.probability(effort)) > confidence + _ROUNDED_BETTER:
-                confidence, better = surer, RoundedOutline.of(rounded, best, drawn.problem.lam)
-                own = drawn.overlap(rounded.ends[best]) >= PROMISED_IOU
+        if rivals is not None:
+            rounded, regular = rivals
+            best = regular.commonest()
+            told_by = doubts_of_regular(regular, best, run, ends, rounded, faults)
+            if not isinstance(better or run.model, Ellipse):
+                middle = rounded.commonest()
+                of_rounded = doubts_of_rounded(rounded, middle, drawn, corners)
+                if (surer := of_rounded.probability(effort)) > confidence + _ROUNDED_BETTER:
+                    confidence, better = surer, rounded.outline(middle, drawn.problem.lam)
+                    own = drawn.overlap(rounded.ends[middle]) >= PROMISED_IOU
+            surer = told_by.probability(effort)
+            if surer / (1.0 - surer) > _REGULAR_BETTER * confidence / (1.0 - confidence):
+                confidence, better = surer, regular.outline(best)
+                own = drawn.overlap(regular.ends[best]) >= PROMISED_IOU
     # Chi square of the better half of the draws; that of normal errors exceeds its mean by 3.5 deviations in .02 %.
     readings = drawn.problem.readings
     allowed = readings + _ALARM * np.sqrt(2.0 * readings)
@@ -181,8 +199,8 @@ def assess(
     counted = drawn.weight[: len(drawn.samples.outlines)] > 0.0
     squares = drawn.samples.squares[counted] if counted.any() else drawn.samples.squares
     explained = float(np.median(squares)) < allowed
-    # What is not the estimate's is theirs, at most; and of a rounded one the draws know nothing.
-    unlike = 1.0 if isinstance(better, RoundedOutline) else float(drawn.weight[~own].sum())
+    # What is not the estimate's is theirs, at most; and of a rounded or regular one the draws know nothing.
+    unlike = 1.0 if isinstance(better, FamilyOutline) else float(drawn.weight[~own].sum())
     rest = min(1.0, (1.0 - confidence) / unlike) if unlike > 0.0 else 0.0
     others = _alternatives(drawn, every >= PROMISED_IOU, own, rest)
     return Assessment(confidence, others, better, bool(explained))
@@ -215,15 +233,16 @@ def doubts(
     corners: float,
     ends: FloatArray,
     at_border: bool = False,
-    rounded: RoundedDraws | None = None,
+    rivals: tuple[RoundedDraws, RegularDraws] | None = None,
     faults: int = 0,
 ) -> Doubts:
     """Return what tells whether an outline from one signature is right.
 
     Draws and estimate share a prior of polygons and ellipses, and what is rounded or concave has no likeness among
     them. Such an object takes many corners, or an ellipse that is hardly better than a polygon or leaves more than
-    noise; readings at its inward corners are left out, and the outline is rather too high than too low. Rounded ones
-    that explain the readings as well, and lie elsewhere, say so too. An ellipse at the sensor's border may be cut off.
+    noise; readings at its inward corners are left out, and the outline is rather too high than too low. Rounded and
+    regular ones that explain the readings as well, and lie elsewhere, say so too. An ellipse at the sensor's border may
+    be cut off.
 
     Parameters
     ----------
@@ -237,8 +256,8 @@ def doubts(
         l and u of the outline over the strip in the draws' columns (2, G), both 0 outside.
     at_border
         Whether the contact may go on beyond the first strip or the last one.
-    rounded
-        Rounded outlines that explain the readings best, where they were drawn.
+    rivals
+        Rounded and regular outlines that explain the readings best, where they were drawn.
     faults
         Readings left out that are surely of faulty channels, and so of no inward corner.
     """
@@ -254,11 +273,11 @@ def doubts(
         kind, many = _POLYGON, min(corners, _PLAIN + _MANY) - _PLAIN
         there = ends[1] > ends[0]
         height = float(ends[1, there].max() - ends[0, there].min()) if there.any() else 0.0
-        left_out = (np.count_nonzero(run.excluded) - faults) / run.problem.x.size
-        of = [1.0, odds, many, height, left_out]
-    if rounded is not None:
-        kind += _RIVALS
-        of += [_misfit(rounded), _log_odds(float(rounded.weight @ column_iou(rounded.ends, ends)))]
+        of = [1.0, odds, many, height, _left_out(run, faults)]
+    if rivals is not None:
+        kind, (rounded, regular) = kind + _RIVALS, rivals
+        of += [_misfit(rounded.misfit), _log_odds(float(rounded.weight @ rounded.overlap(ends)))]
+        of += [_log_odds(float(regular.overlap(ends).mean())), _advantage(regular), math.log(run.sigma)]
     return Doubts(kind, np.array(of))
 
 
@@ -268,12 +287,34 @@ def doubts_of_rounded(rounded: RoundedDraws, best: int, drawn: Draws, corners: f
     How well others overlap it, what they leave of the readings, whether polygons and ellipses drawn overlap it, and how
     many `corners` these take on average: what is rounded takes many.
     """
-    among, across = rounded.overlap(best) @ rounded.weight, drawn.overlap(rounded.ends[best]) @ drawn.weight
+    among, across = (
+        rounded.overlap(rounded.ends[best]) @ rounded.weight,
+        drawn.overlap(rounded.ends[best]) @ drawn.weight,
+    )
     many = min(corners, _PLAIN + _MANY) - _PLAIN
     return Doubts(
         _ROUNDED,
-        np.array([1.0, _log_odds(float(among)), _misfit(rounded), _log_odds(float(across)), many]),
+        np.array([1.0, _log_odds(float(among)), _misfit(rounded.misfit), _log_odds(float(across)), many]),
     )
+
+
+def doubts_of_regular(
+    regular: RegularDraws,
+    best: int,
+    run: RunFit,
+    ends: FloatArray,
+    rounded: RoundedDraws,
+    faults: int = 0,
+) -> Doubts:
+    """Return what tells whether one of the regular outlines is right.
+
+    How well others, the estimate with its `ends` and rounded outlines overlap it, how likely regular outlines make the
+    readings, what these leave of them, how large the noise is, and which readings are left out.
+    """
+    one = regular.ends[best]
+    overlaps = (regular.overlap(one).mean(), column_iou(one, ends), rounded.weight @ rounded.overlap(one))
+    of = [1.0, *(_log_odds(float(o)) for o in overlaps), _advantage(regular), math.log(run.sigma)]
+    return Doubts(_REGULAR, np.array([*of, _misfit(regular.misfit), _left_out(run, faults)]))
 
 
 def few_strips(run: RunFit) -> bool:
@@ -281,8 +322,16 @@ def few_strips(run: RunFit) -> bool:
     return run.problem.x.size < ENOUGH_STRIPS
 
 
-def _misfit(rounded: RoundedDraws) -> float:
-    return math.log(min(max(rounded.misfit, _MISFITS[0]), _MISFITS[1]))
+def _misfit(of_readings: float) -> float:
+    return math.log(min(max(of_readings, _MISFITS[0]), _MISFITS[1]))
+
+
+def _advantage(regular: RegularDraws) -> float:
+    return 0.1 * min(max(regular.advantage, _WORST), 0.0)
+
+
+def _left_out(run: RunFit, faults: int) -> float:
+    return float((np.count_nonzero(run.excluded) - faults) / run.problem.x.size)
 
 
 def _log_odds(share: float) -> float:

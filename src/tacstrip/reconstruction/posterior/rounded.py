@@ -16,14 +16,10 @@ from functools import cache
 import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
-from tacstrip.core.ellipse import fit_ellipse
-from tacstrip.core.outline_model import OutlineModel
-from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.core.problem import FitProblem
 from tacstrip.geometry.metrics import column_iou
-from tacstrip.geometry.outline import Outline
+from tacstrip.reconstruction.posterior.family_outline import ROUNDED, FamilyOutline
 from tacstrip.sensor.closed_form import width_from_ideal
-from tacstrip.sensor.spec import Sensor
 
 _NORMALS = 40  # of either chain: an outline is given by its points of these directions
 _DOWN = np.linspace(np.pi + 1e-6, 2.0 * np.pi - 1e-6, _NORMALS)
@@ -126,37 +122,17 @@ class RoundedDraws:
     misfit: float
     ends: FloatArray
 
-    def overlap(self, which: int) -> FloatArray:
-        """Return intersection over union (K,) of all with one."""
-        return column_iou(self.ends, self.ends[which])
+    def overlap(self, ends: FloatArray) -> FloatArray:
+        """Return intersection over union (K,) of all with l and u (2, G)."""
+        return column_iou(self.ends, ends)
 
     def commonest(self) -> int:
         """Return the outline that the others overlap best."""
         return int(np.argmax(column_iou(self.ends[:, None], self.ends[None]) @ self.weight))
 
-
-@dataclass(frozen=True, eq=False)
-class RoundedOutline:
-    """A rounded outline as outline model, in units of a `FitProblem`.
-
-    Attributes
-    ----------
-    chains
-        Lower and upper chain (2, 22, 2).
-    off
-        How others that explain the readings differ from it (K, 2, 22, 2), each by the root of its weight.
-    cost
-        Squared residuals over sigma^2.
-    """
-
-    chains: FloatArray
-    off: FloatArray
-    cost: float
-
-    @classmethod
-    def of(cls, drawn: RoundedDraws, best: int, lam: float) -> RoundedOutline:
-        """Return one of the outlines drawn; `lam`: the transfer length over L."""
-        some = drawn.fitted
+    def outline(self, best: int, lam: float) -> FamilyOutline:
+        """Return one of the outlines as a model; `lam`: the transfer length over L."""
+        some = self.fitted
         part = np.tile(_DRAWN_AT, (len(some.left), 1))
         x = some.left[:, None] + (some.right - some.left)[:, None] * part
         ends = _uneroded(some.inside(part), lam)
@@ -166,43 +142,9 @@ class RoundedOutline:
         )
         ends[:, :, [0, -1]] = where
         chains = np.stack([np.stack([x, y], axis=-1) for y in (ends[:, 0], ends[:, 1])], axis=1)
-        off = (chains - chains[best]) * np.sqrt(drawn.weight)[:, None, None, None]
-        return cls(chains[best], off, float(some.chi_square[best]))
-
-    @classmethod
-    def fitted(cls, start: PolygonFit, problem: FitProblem) -> OutlineModel:
-        """Return the ellipse near an outline: one scan decides on the family, the next ones follow what is round."""
-        return fit_ellipse(start, problem)
-
-    @property
-    def n_parameters(self) -> int:
-        """Numbers that the readings determine: place, height, slant and two of the family; the ends have a prior."""
-        return 5
-
-    @property
-    def complexity(self) -> int:
-        """What it counts for in the criterion: two vertices."""
-        return 2
-
-    def residuals(self, problem: FitProblem) -> FloatArray:
-        """Return measured minus fitted readings over sigma (S, n); 0 where a reading is left out."""
-        l, u = (np.interp(problem.x, *chain.T) for chain in self.chains)
-        return np.asarray((problem.k - problem.readings_of(l, u)) * problem.root_weight)
-
-    def chains_mm(self, problem: FitProblem) -> tuple[FloatArray, FloatArray]:
-        """Return lower and upper chain (22, 2) [mm]."""
-        lower, upper = self.chains * (problem.width_mm, problem.length_mm) + (problem.origin_mm, 0.0)
-        return lower, upper
-
-    def covariance(self, problem: FitProblem, sensor: Sensor) -> FloatArray:
-        """Return the covariance (2 V, 2 V) [mm^2] of the vertices: how outlines that explain the readings differ."""
-        del sensor
-        outline = Outline(*self.chains_mm(problem))
-        off = np.zeros((len(self.off), *outline.vertices.shape))
-        for chain, at in zip((0, 1), outline.indices, strict=True):
-            off[:, at] = self.off[:, chain] * (problem.width_mm, problem.length_mm)
-        flat = off.reshape(len(off), -1)
-        return np.asarray(flat.T @ flat)
+        off = (chains - chains[best]) * np.sqrt(self.weight)[:, None, None, None]
+        lower, upper = chains[best]
+        return FamilyOutline(ROUNDED, lower, upper, off[:, 0], off[:, 1], float(some.chi_square[best]))
 
 
 def draw_rounded(
