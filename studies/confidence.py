@@ -47,7 +47,7 @@ from tacstrip.reconstruction.posterior.rounded import RoundedDraws
 
 ONE = ("kh", "kl", "k")
 # Of outlines, by how much a case of each counts: nobody knows how often people press what is not convex.
-FAMILIES = {"convex": 1.0, "own": 1.0, "rounded": 0.7, "concave": 0.5, "own concave": 0.5}
+FAMILIES = {"convex": 1.0, "own": 1.0, "rounded": 0.7, "concave": 0.25, "own concave": 0.25}
 _KINDS = {"convex": shapes.CONVEX, "rounded": shapes.ROUNDED, "concave": shapes.CONCAVE}
 _NEWTON, _PULL = 30, 0.1
 CLEARLY_RIGHT = 0.9  # IoU of an outline whose doubt is a false one

@@ -10,7 +10,8 @@ import tacstrip as ts
 from tacstrip.core.binding import exported
 from tacstrip.core.problem import FitProblem
 from tacstrip.reconstruction.posterior.assessment import ENOUGH, ENOUGH_OF_ONE
-from tacstrip.reconstruction.posterior.rounded import RoundedOutline, _library, draw_rounded
+from tacstrip.reconstruction.posterior.family_outline import FamilyOutline
+from tacstrip.reconstruction.posterior.rounded import _library, draw_rounded
 
 SENSOR = ts.Sensor(construction="crs-m", strips=40, pitch_mm=2.5, length_mm=100.0)
 NOISE = ts.Noise(positional=0.002)
@@ -39,7 +40,7 @@ def test_outlines_of_the_families_are_convex_and_fill_a_unit_box() -> None:
 def test_a_rounded_square_of_one_signature_is_recovered() -> None:
     """Its best polygon has the same readings, 8 corners and less than half of its area; `ok` neither may be."""
     found = ts.fit_polygon(SCAN, SENSOR, NOISE).objects[0]
-    assert found.model is RoundedOutline
+    assert found.model is FamilyOutline
     assert found.status == "doubtful"
     assert found.confidence is not None
     assert found.confidence > 0.5
@@ -59,7 +60,7 @@ def test_a_rounded_outline_is_ok_only_where_it_is_surer_than_a_polygon_need_be(
     scan = ts.simulate(sensor, ts.Contact.polygon(stadium), NOISE, rng=1)
     one = ts.Scan(kh=scan.kh) if signature == "kh" else ts.Scan(kl=scan.kl)
     found = ts.fit_polygon(one, sensor, NOISE).objects[0]
-    assert found.model is RoundedOutline
+    assert found.model is FamilyOutline
     assert ts.mismatch(stadium, found.vertices).iou > 0.9
     assert found.status == status
     assert found.confidence is not None

@@ -322,7 +322,7 @@ def weakness(
         return "this contact looks round: the outline is the ellipse that explains the readings better than corners"
     if isinstance(model, FamilyOutline):
         return (
-            f"this contact looks like {model.kind}: the outline is the commonest of these that explain the readings; "
+            f"this contact looks {model.kind}: the outline is the commonest of such that explain the readings; "
             "take the outline, not the vertices"
         )
     assert isinstance(model, PolygonFit)

@@ -32,7 +32,7 @@ PROMISED_IOU = 0.8  # of an outline that is "ok" with the true one
 ENOUGH = 0.77  # confidence of the least certain "ok": all of them together are right in 95 of 100 cases
 ENOUGH_OF_FEW = 0.85  # with both signatures on fewer than `ENOUGH_STRIPS`: many are hardly surer
 # With one signature, where many are hardly surer than that.
-ENOUGH_OF_ONE: Mapping[Effort, float] = {"thorough": 0.61, "fast": 0.52}
+ENOUGH_OF_ONE: Mapping[Effort, float] = {"thorough": 0.65, "fast": 0.52}
 _EVALUATIONS = {"thorough": 240_000, "fast": 14_000}
 # Both signatures on fewer strips leave outlines of more corners open, which so few draws would miss.
 _HELD_STRIPS, _EVALUATIONS_OF_FEW = 5, 56_000
@@ -47,10 +47,10 @@ _ROUNDED, _REGULAR = "rounded", "regular"
 _ODDS: dict[str, dict[str, tuple[float, ...]]] = {
     "thorough": {
         _FEW: (-2.307, 1.368, 0.4, -0.211),
-        _POLYGON + _RIVALS: (-3.400, 0.115, -0.293, -1.272, -20.37, 0.089, 0.397, 0.818, -0.284, -0.275),
-        _ELLIPSE + _RIVALS: (-1.827, 0.457, 0.378, -3.0, -2.987, 3.761, 0.329, 0.642, 0.386, -0.168),
-        _REGULAR: (-4.330, 0.662, 0.345, 0.600, 0.369, -0.534, -0.193, -14.726),
-        _ROUNDED: (-4.503, 1.244, -0.310, 0.718, 0.185),
+        _POLYGON + _RIVALS: (-2.663, 0.237, -0.314, -1.121, -18.02, 0.187, 0.423, 0.796, -0.259, -0.146),
+        _ELLIPSE + _RIVALS: (-1.558, 0.446, 0.379, 0.213, -3.057, 3.792, 0.366, 0.651, 0.381, -0.131),
+        _REGULAR: (-3.935, 0.650, 0.373, 0.603, 0.407, -0.495, -0.159, -13.56),
+        _ROUNDED: (-3.841, 0.976, -0.258, 0.965, 0.181),
         _POLYGON: (-1.957, 1.436, -0.346, -1.141, -30.5),
         _ELLIPSE: (-8.726, 2.087, 1.242, -3.0, -1.243),
     },
@@ -188,7 +188,7 @@ def assess(
                     confidence, better = surer, rounded.outline(middle, drawn.problem.lam)
                     own = drawn.overlap(rounded.ends[middle]) >= PROMISED_IOU
             surer = told_by.probability(effort)
-            if surer / (1.0 - surer) > _REGULAR_BETTER * confidence / (1.0 - confidence):
+            if surer * (1.0 - confidence) > _REGULAR_BETTER * confidence * (1.0 - surer):
                 confidence, better = surer, regular.outline(best)
                 own = drawn.overlap(regular.ends[best]) >= PROMISED_IOU
     # Chi square of the better half of the draws; that of normal errors exceeds its mean by 3.5 deviations in .02 %.

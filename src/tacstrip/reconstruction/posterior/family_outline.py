@@ -14,7 +14,7 @@ from tacstrip.core.problem import FitProblem
 from tacstrip.geometry.outline import Outline
 from tacstrip.sensor.spec import Sensor
 
-ROUNDED = "something rounded"
+ROUNDED = "rounded"
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +24,7 @@ class FamilyOutline:
     Attributes
     ----------
     kind
-        What it looks like: `ROUNDED`, or a regular outline's kind.
+        What it looks: `ROUNDED`, or like which regular outline.
     lower, upper
         Its chains (M, 2), (N, 2).
     lower_off, upper_off

@@ -23,13 +23,13 @@ from tacstrip.reconstruction.posterior.family_outline import FamilyOutline
 _Floats: TypeAlias = npt.NDArray[np.floating[Any]]  # of the precision that is enough
 
 _KINDS = (
-    "a disc",
-    "an ellipse",
-    "a segment of a disc",
-    "an upright rectangle",
-    "a rectangle",
-    "an upright trapezoid",
-    "a trapezoid",
+    "like a disc",
+    "like an ellipse",
+    "like a segment of a disc",
+    "like an upright rectangle",
+    "like a rectangle",
+    "like an upright trapezoid",
+    "like a trapezoid",
 )
 _DISC, _ELLIPSE, _SEGMENT, _UPRIGHT, _, _TRAPEZOID, _TURNED = range(7)
 _FREE = (0, 2, 2, 2, 3, 3, 4)  # numbers that make one, besides its ends
@@ -47,6 +47,7 @@ _STRIPS = 32  # that readings are averaged to
 _LOWEST, _HIGHEST = 0.02, 0.97  # of an outline's height, over the strip
 _UNTOUCHED = 1e3  # half chi square of a strip that an outline misses; one may lie on an end
 _DRAWN_AT = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, 33))  # parts of the extent where curves have vertices
+_NONE = 1e-30  # length that an edge without any counts as
 _STRAIGHT = 1e-3  # of the strip: a vertex that is off the line through its neighbours by less is none
 
 
@@ -83,7 +84,7 @@ class _Polygons:
     def marks(self) -> FloatArray:
         """Where edges begin and end (K, 8)."""
         dx, dy = (np.roll(v, -1, axis=1) - v for v in (self.x, self.y))
-        off = self.radius[:, None] * dy / np.hypot(dx, dy)
+        off = self.radius[:, None] * dy / (np.hypot(dx, dy) + _NONE)
         return np.concatenate([self.x + off, self.x + off + dx], axis=1)
 
     def ends(self, at: _Floats) -> tuple[_Floats, _Floats]:
@@ -93,7 +94,7 @@ class _Polygons:
         for i in range(4):
             x0, y0 = x[:, i, None], y[:, i, None]
             dx, dy = x[:, (i + 1) % 4, None] - x0, y[:, (i + 1) % 4, None] - y0
-            length = np.hypot(dx, dy) + 1e-30
+            length = np.hypot(dx, dy) + _NONE
             from_x = x0 + r * dy / length
             upright = np.abs(dx) < 1e-6 * length
             line = y0 - r * dx / length + dy / np.where(upright, 1.0, dx) * (at - from_x)
