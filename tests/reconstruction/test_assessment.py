@@ -28,16 +28,16 @@ OVAL = 20.0 * np.stack(
     ("outline", "trusted"),
     [
         ([(15, 35), (60, 15), (88, 50), (40, 85)], True),
-        ([(20, 30), (50, 48), (80, 28), (74, 74), (30, 78)], False),  # k_h hides the inward corner
+        ([(15, 50), (85, 20), (60, 50), (85, 80)], False),  # k_h hides the inward corner
     ],
     ids=["convex", "concave"],
 )
 def test_one_signature_is_trusted_where_it_is_right(
     outline: list[tuple[float, float]], trusted: bool
 ) -> None:
-    contact = ts.Contact.polygon(outline)
-    scan = ts.Scan(kh=ts.simulate(SENSOR, contact, NOISE, rng=5).kh)
-    found = ts.fit_polygon(scan, SENSOR, NOISE).objects[0]
+    contact, noise = ts.Contact.polygon(outline), ts.Noise(positional=0.006)
+    scan = ts.Scan(kh=ts.simulate(SENSOR, contact, noise, rng=5).kh)
+    found = ts.fit_polygon(scan, SENSOR, noise).objects[0]
     assert (found.status == "ok") == trusted
     assert (ts.mismatch(outline, found.vertices).iou > 0.8) == trusted
 

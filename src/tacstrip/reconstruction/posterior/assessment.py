@@ -47,8 +47,8 @@ _ROUNDED, _REGULAR = "rounded", "regular"
 _ODDS: dict[str, dict[str, tuple[float, ...]]] = {
     "thorough": {
         _FEW: (-2.307, 1.368, 0.4, -0.211),
-        _POLYGON + _RIVALS: (-2.663, 0.237, -0.314, -1.121, -18.02, 0.187, 0.423, 0.796, -0.259, -0.146),
-        _ELLIPSE + _RIVALS: (-1.558, 0.446, 0.379, 0.213, -3.057, 3.792, 0.366, 0.651, 0.381, -0.131),
+        _POLYGON + _RIVALS: (-2.985, 0.185, -0.315, -1.118, -18.96, 0.248, 0.466, 1.170, -0.362, -0.123),
+        _ELLIPSE + _RIVALS: (-1.623, 0.465, 0.380, 0.169, -3.056, 3.811, 0.386, 0.626, 0.308, -0.123),
         _REGULAR: (-3.935, 0.650, 0.373, 0.603, 0.407, -0.495, -0.159, -13.56),
         _ROUNDED: (-3.841, 0.976, -0.258, 0.965, 0.181),
         _POLYGON: (-1.957, 1.436, -0.346, -1.141, -30.5),
@@ -277,7 +277,14 @@ def doubts(
     if rivals is not None:
         kind, (rounded, regular) = kind + _RIVALS, rivals
         of += [_misfit(rounded.misfit), _log_odds(float(rounded.weight @ rounded.overlap(ends)))]
-        of += [_log_odds(float(regular.overlap(ends).mean())), _advantage(regular), math.log(run.sigma)]
+        told = math.exp(
+            -0.5 * max(_misfit(regular.misfit), 0.0)
+        )  # by outlines that hardly explain the readings: less
+        of += [
+            told * _log_odds(float(regular.overlap(ends).mean())),
+            _advantage(regular),
+            math.log(run.sigma),
+        ]
     return Doubts(kind, np.array(of))
 
 
