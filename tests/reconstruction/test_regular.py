@@ -85,10 +85,9 @@ def test_the_evidence_is_the_integral_of_the_likelihood() -> None:
     seen = _Seen.of(problem, _window(problem))
     done, _ = _sampled(seen, np.random.default_rng(1), -np.inf)
     (disc,) = [p.log_evidence for p in done if p.kind == 0 and not p.over]
-    z = np.zeros((120, 120, _NUMBERS))
     middles = (np.arange(120) + 0.5) / 120
-    z[..., 0], z[..., 1] = middles[:, None], middles
-    z = z.reshape(-1, _NUMBERS)
+    z = np.zeros((120**2, _NUMBERS))
+    z[:, 0], z[:, 1] = np.repeat(middles, 120), np.tile(middles, 120)
     every = _Outlines(np.zeros(len(z), dtype=np.int64), np.zeros(len(z), dtype=bool), z)
     log, misfit, _ = seen.weighed(every)
     exponent = log - misfit

@@ -277,14 +277,10 @@ def doubts(
     if rivals is not None:
         kind, (rounded, regular) = kind + _RIVALS, rivals
         of += [_misfit(rounded.misfit), _log_odds(float(rounded.weight @ rounded.overlap(ends)))]
-        told = math.exp(
-            -0.5 * max(_misfit(regular.misfit), 0.0)
-        )  # by outlines that hardly explain the readings: less
-        of += [
-            told * _log_odds(float(regular.overlap(ends).mean())),
-            _advantage(regular),
-            math.log(run.sigma),
-        ]
+        # An overlap with outlines that hardly explain the readings tells little.
+        telling = math.exp(-0.5 * max(_misfit(regular.misfit), 0.0))
+        alike = telling * _log_odds(float(regular.overlap(ends).mean()))
+        of += [alike, _advantage(regular), math.log(run.sigma)]
     return Doubts(kind, np.array(of))
 
 
