@@ -45,8 +45,8 @@ def of_repeated(text: str, *, named_only: bool = False) -> Table | None:
     r"""Return the lines of the commonest form as a table of what changes in them; None where too few are of one.
 
     Lines that stand before each of these, such as a question before its answer, are of the same record. What never
-    changes in a place is part of the name of the values behind it. `named_only`: only if lines have a colon or an equals
-    sign in them.
+    changes in a place is part of the name of the values behind it. `named_only`: only if lines have a colon or an
+    equals sign in them.
 
     Examples
     --------
