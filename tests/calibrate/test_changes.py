@@ -81,7 +81,7 @@ def test_strips_share_what_a_slanted_bar_is_off_by() -> None:
     assert number[5, 0] not in np.delete(number[:, 0], 5)
 
 
-@pytest.mark.parametrize("longer", [1.0, 0.0, -1.0])
+@pytest.mark.parametrize("longer", [1.0, 0.0])
 def test_bars_that_are_all_longer_than_written_are_asked_about(longer: float) -> None:
     sensor = ts.Sensor(construction="crs-crs", strips=6, pitch_mm=6.0, length_mm=200.0)
     true = replace(sensor, contact_lambda_mm=1.5)

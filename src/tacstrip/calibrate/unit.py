@@ -195,8 +195,8 @@ class Calibrated:
             if len(self.after) == 1:  # which alone tells these apart by nothing
                 ruler = "; or a ruler whose zero lies off moves all contacts alike"
             return (
-                f"contacts with a length read as if all of them were {self.longer_mm:+.2g} mm longer than written, their "
-                "lower ends right, against those without length, and the constants count that: measure the "
+                f"contacts with a length read as if all of them were {self.longer_mm:+.2g} mm longer than written, "
+                "their lower ends right, against those without length, and the constants count that: measure the "
                 f"bars{ruler}. Put the runs right and calibrate again"
             )
         if good.repeated and good.residual > max(3.0 * good.noise, 0.001):
