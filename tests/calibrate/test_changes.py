@@ -79,3 +79,21 @@ def test_strips_share_what_a_slanted_bar_is_off_by() -> None:
     number = place_numbers(replace(straight, l_mm=l))
     assert (number == number[:, :1]).all()
     assert number[5, 0] not in np.delete(number[:, 0], 5)
+
+
+@pytest.mark.parametrize("longer", [1.0, 0.0])
+def test_bars_that_are_all_longer_than_written_are_asked_about(longer: float) -> None:
+    sensor = ts.Sensor(construction="crs-crs", strips=6, pitch_mm=6.0, length_mm=200.0)
+    true = replace(sensor, contact_lambda_mm=1.5)
+    place = np.array([(l, w) for w in (0.0, 30.0, 60.0) for l in (20.0, 60.0, 100.0, 120.0)])
+    l_mm, w_mm = (np.repeat(v[:, None], 6, axis=1) for v in place.T)
+    real = np.where(w_mm > 0.0, w_mm + longer, 0.0)
+    random = np.random.default_rng(3)
+    raw = {
+        n: k + random.normal(0.0, 5e-4, k.shape) for n, k in ts.signatures(true, l_mm, l_mm + real).items()
+    }
+    runs = ts.Runs(l_mm, w_mm, raw, line=np.arange(2, 2 + l_mm.size).reshape(l_mm.shape), rest={})
+    done = ts.calibrate_unit(sensor, runs)
+    assert done.longer_mm == pytest.approx(longer, abs=0.1)
+    assert ("longer than written" in done.advice) == (longer != 0.0)
+    assert done.sensor.contact_lambda_mm == pytest.approx(1.5, abs=0.15)

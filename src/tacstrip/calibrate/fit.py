@@ -74,6 +74,8 @@ class ModelFit:
         Spread of the parts in which strips are alike, by part.
     excess
         By how much variances exceed those of independent readings: repeats share what the model leaves.
+    errors
+        Errors of places that strips share, over their standard deviations (errors,).
     """
 
     constants: Constants
@@ -87,6 +89,7 @@ class ModelFit:
     places: PlaceErrors | None = None
     pooled: dict[str, float] = field(default_factory=dict)
     excess: float = 1.0
+    errors: FloatArray = field(default_factory=lambda: np.zeros(0))
 
 
 def fit_model(
@@ -197,6 +200,7 @@ def _gauss_newton(
         places,
         pooled,
         beyond[0],
+        errors,
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from tacstrip.calibrate.fit import ModelFit, average, fit_model, usable_rows
 from tacstrip.calibrate.model import PARTS, Model, apply
-from tacstrip.calibrate.place_errors import PlaceErrors, possible_errors
+from tacstrip.calibrate.place_errors import PlaceErrors, one_for_all_bars, possible_errors
 from tacstrip.errors import OptionError, ReadingError, SpecError, one_of
 from tacstrip.io.runs import Runs
 from tacstrip.sensor.spec import Sensor
@@ -119,16 +119,16 @@ def select_model(
 
     The search starts from the planned model, as far as the runs determine it: what any unit has stays, even where it
     is small, for else the others' uncertainties would not count it. Then it finds what errors of places have in common,
-    and adds the part that raises the evidence most, while one does. A search that has begun is gone on with.
+    and adds the part that raises the evidence most, while one does. Where bars that are all as much longer than written
+    make the runs likelier than all of that, it starts again from these. A search that has begun is gone on with.
     """
     search = search or Search(sensor, runs)
-    now = search.place_errors(search.first())
-    while True:
-        found = [search.attempt(m, now) for m in _larger(now.constants.model, sensor, runs)]
-        better = [f for f in found if f and f.evidence > now.evidence + _SURE]
-        if not better:
-            break
-        now = max(better, key=lambda f: f.evidence)
+    first = search.first()
+    now = search.grown(search.place_errors(first))
+    bars = search.with_longer_bars(first)
+    if bars and bars.evidence > now.evidence + _SURE:
+        search.tried = {first.constants.model.name: bars}
+        now = search.grown(bars)
     chosen = now.constants.model
     return search.averaged(now), tuple(
         Trial(name, None, t) if isinstance(t, str)
@@ -167,6 +167,22 @@ class Search:
         if stated or likeliest.evidence > fit.evidence + _SURE:
             self.tried[model.name] = fit = likeliest
         return fit
+
+    def with_longer_bars(self, fit: ModelFit) -> ModelFit | None:
+        """Return the fit with bars that are all as much longer than written; None where errors of places are stated."""
+        if self.runs.l_sd_mm is not None or self.runs.w_sd_mm is not None:
+            return None
+        bars = one_for_all_bars(self.runs, self.sensor.length_mm)
+        return fit_model(fit.constants.model, self.sensor, self.runs, fit.constants, bars)
+
+    def grown(self, fit: ModelFit) -> ModelFit:
+        """Return the fit of the model with the parts that raise the evidence."""
+        while True:
+            found = [self.attempt(m, fit) for m in _larger(fit.constants.model, self.sensor, self.runs)]
+            better = [f for f in found if f and f.evidence > fit.evidence + _SURE]
+            if not better:
+                return fit
+            fit = max(better, key=lambda f: f.evidence)
 
     def averaged(self, fit: ModelFit) -> ModelFit:
         """Return the fit averaged over what the errors of its places may be, exact places too where none are stated.

@@ -14,6 +14,8 @@ from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.io.runs import Runs
 
 _UNKNOWN = (1.5e-4, 5e-4, 1.5e-3)  # of L: errors that are tried where the runs state none
+_BARS = 5e-3  # of L: the same of all bars' lengths alike
+_ALL_BARS = "all bars"
 _MOST = 200  # errors that strips share: more are drawn row by row
 
 
@@ -59,6 +61,10 @@ class PlaceErrors:
                 np.put_along_axis(found, self.group[which][None, :, :, None], move[..., None], axis=3)
         return found
 
+    def longer_mm(self, errors: FloatArray) -> float:
+        """Return by how much contacts with a length are longer [mm], by errors of `one_for_all_bars`; 0 of others."""
+        return float(self.sd_mm.max() * errors[0]) if self.name == _ALL_BARS else 0.0
+
     def own(self, by_place: FloatArray) -> FloatArray:
         """Return the same for the errors of each row's own (signatures, contacts, strips, 2); 0 where shared."""
         if self.group is not None:
@@ -93,6 +99,13 @@ def possible_errors(runs: Runs, length_mm: float) -> list[PlaceErrors]:
         if group.max() < _MOST and not known:
             found.append(PlaceErrors(sd, group, name))
     return found
+
+
+def one_for_all_bars(runs: Runs, length_mm: float) -> PlaceErrors:
+    """Return one error of w for all contacts with a length, their lower ends exact: bars longer than written."""
+    with_length = np.isfinite(runs.l_mm) & (np.nan_to_num(runs.w_mm) > 0.0)
+    sd = np.stack([np.zeros_like(runs.l_mm), _BARS * length_mm * with_length])
+    return PlaceErrors(sd, np.zeros(sd.shape, dtype=np.intp), _ALL_BARS, stated=False)
 
 
 def place_numbers(runs: Runs) -> IntArray:

@@ -80,6 +80,9 @@ _ACCURATE = 0.3  # % of Vref: a calibration that leaves more says so
 _SCALED = 0.05  # a gain that all strips share: converters and clamps make a tenth of it
 _DROPS = 0.001  # of k_h + k_l: half the accuracy at most
 DROP = "drop on contacts without length"
+_LONGER = (
+    0.002  # of L: what all bars are longer than written; less leaves less than calibrations are asked for
+)
 _CHANGED = 0.5  # % of Vref: a unit in use stays within, but for its drift
 
 
@@ -129,6 +132,9 @@ class Calibrated:
         for mean offsets, which have no model.
     changed
         That readings are far from the calibration that the sensor had, in words; "" where it had none, or they agree.
+    longer_mm
+        By how much all contacts with a length seem longer than the runs say; 0 where they do not. The constants count
+        it.
 
     Examples
     --------
@@ -157,6 +163,7 @@ class Calibrated:
     goodness: Goodness
     accuracy_percent: float
     changed: str = ""
+    longer_mm: float = 0.0
 
     @property
     def status(self) -> str:
@@ -182,6 +189,15 @@ class Calibrated:
             return (
                 f"strip {names} is off by {worst:.2g} % of Vref, the median strip by {100.0 * good.residual:.2g} %: "
                 "look at its wires (`tacstrip doctor`) and at its rows, and press it again"
+            )
+        if abs(self.longer_mm) > _LONGER * self.sensor.length_mm:
+            ruler = ""
+            if len(self.after) == 1:  # which alone tells these apart by nothing
+                ruler = "; or a ruler whose zero lies off moves all contacts alike"
+            return (
+                f"contacts with a length read as if all of them were {self.longer_mm:+.2g} mm longer than written, "
+                "their lower ends right, against those without length, and the constants count that: measure the "
+                f"bars{ruler}. Put the runs right and calibrate again"
             )
         if good.repeated and good.residual > max(3.0 * good.noise, 0.001):
             return (
@@ -354,6 +370,7 @@ def calibrate_unit(
         if fit is None
         else accuracy_percent(plain, replace(done, converter=None), fit, others),
         changed=_changed(sensor, runs),
+        longer_mm=0.0 if fit is None or fit.places is None else fit.places.longer_mm(fit.errors),
     )
 
 

@@ -28,7 +28,7 @@ _TOKEN = re.compile(
     rf"(?P<clock>(?<![\w.]){STAMP}(?![\w]))|(?P<hex>(?<![\w.])(?:0[xX][\dA-Fa-f]+|(?:(?=[A-Fa-f]*\d){_HEX}|[A-F]{{3,8}}))(?![\w.]))"
     rf"|(?P<number>{_NUMBER})|(?P<nothing>{_NOTHING})"
 )
-_SAYS = re.compile(r"[^\W\d_]|[:=]")
+_SAYS = re.compile(r"[:=]")
 _WORD = re.compile(r"[^\W\d_]{2,}")
 _LABELS_OF_ALL = ("time", "scan", "strip")  # which have one value
 _FEW = 3  # lines of one form
@@ -41,11 +41,12 @@ _BEFORE = 3  # lines of a record before that of its readings
 Line = tuple[int, tuple[str, ...], tuple[str, ...]]  # its number, what stands between its values, and these
 
 
-def of_repeated(text: str, *, worded: bool = False) -> Table | None:
+def of_repeated(text: str, *, named_only: bool = False) -> Table | None:
     r"""Return the lines of the commonest form as a table of what changes in them; None where too few are of one.
 
     Lines that stand before each of these, such as a question before its answer, are of the same record. What never
-    changes in a place is part of the name of the values behind it. `worded`: only if lines have words in them.
+    changes in a place is part of the name of the values behind it. `named_only`: only if lines have a colon or an
+    equals sign in them.
 
     Examples
     --------
@@ -74,7 +75,7 @@ def of_repeated(text: str, *, worded: bool = False) -> Table | None:
     names = _names(_joined([*before, main]), columns, ahead)
     texts = dict(filled_lines(text))
     words = {*_words(main)}
-    if worded and not any(map(_SAYS.search, main)):
+    if named_only and not any(map(_SAYS.search, main)):
         return None
     others = [line for line in split if line[0] not in taken]
     again = Counter(form for _, form, values in others if values)

@@ -104,7 +104,7 @@ def of_text(text: str, path: str | Path = "the log") -> Table:
 
 
 def _repeated(text: str, refused: bool) -> Table | None:
-    table = of_repeated(_COLOUR.sub("", text), worded=not refused)
+    table = of_repeated(_COLOUR.sub("", text), named_only=not refused)
     return None if table is None else _with_lines(in_normal_form(table), text)
 
 

@@ -26,7 +26,7 @@ from tacstrip.stream.device.handshake import (
 from tacstrip.stream.device.port import Port
 from tacstrip.stream.device.protocol.decoder import Counts, Decoder
 from tacstrip.stream.device.protocol.frames import Kind
-from tacstrip.stream.device.protocol.messages import Command, Hello, Reply, SelfTest
+from tacstrip.stream.device.protocol.messages import Command, Hello
 from tacstrip.stream.device.protocol.order import MAX_AHEAD
 from tacstrip.stream.device.protocol.scans import ScanBatch
 from tacstrip.stream.device.troubles import Troubles
@@ -57,6 +57,15 @@ class _HeldScans:
     since_s: float
     asked: int = 1
     scans: list[RawScan] = field(default_factory=list)
+
+
+@dataclass
+class _Silence:
+    """Since when no scan came or the device was told to send [s], the broken frames before, and if it was reported."""
+
+    since_s: float
+    corrupt: int
+    reported: bool = False
 
 
 @dataclass(frozen=True)
@@ -212,11 +221,10 @@ class SerialSource:
         self._held = None
         self._hold_scans()  # the hello of the handshake may have waited on the line, of a unit that is gone
         self._run, self._due = self._decoder.counts.restarts, None
-        patience_s = max(_SILENT_S, 4.0 * self._period_s)
         prompt_s = min(max(_PROMPT_S[0], self._period_s / 5.0), _PROMPT_S[1])
         asked_s, self._own_s = -_LATE_S, self._host()
         self._overslept = self._asked_late = False
-        heard_s, streaming, silent, corrupt = self._host(), False, False, self._decoder.counts.corrupt
+        streaming, silence = False, _Silence(self._host(), self._decoder.counts.corrupt)
         line_was_empty = False  # since the last scans
         identified = False  # the device restarted, identified itself, and has sent no scan since
         gone: OSError | None = None
@@ -235,12 +243,7 @@ class SerialSource:
                     if isinstance(message, Hello):
                         self._check_identity(message, now_s)
             for message in received:
-                if isinstance(message, Reply):
-                    self._troubles.check_reply(message, now_s)
-                if isinstance(message, SelfTest):
-                    self._troubles.say("test", "the device tells of a test that was not asked for", now_s)
-                if isinstance(message, Command):
-                    self._troubles.say("echo", "commands come back on the line: is an echo on?", now_s)
+                self._troubles.check_message(message, now_s)
                 if isinstance(message, Hello):
                     self._check_identity(message, now_s)
                     if not message.streaming:
@@ -252,12 +255,11 @@ class SerialSource:
                     if self._held is not None:
                         held, self._held = self._held.scans, None
                         yield from self._release_scans(held)
-                        heard_s = self._host()  # the consumer may have taken long
+                        silence.since_s = self._host()  # the consumer may have taken long
                 if not isinstance(message, ScanBatch) or not self._matches(message, now_s):
                     continue
-                streaming, corrupt = True, self._decoder.counts.corrupt
-                if silent:
-                    silent = False
+                streaming = True
+                if silence.reported:
                     self.on_message("scans come again")
                 self._check_rate(len(message), now_s)
                 prompt = now_s - began_s > prompt_s
@@ -265,7 +267,8 @@ class SerialSource:
                 self._check_lateness(message, line_was_empty)
                 for scans in self._timed(message, now_s, prompt, identified):
                     yield from self._release_scans(scans)
-                identified, line_was_empty, heard_s = False, False, self._host()  # likewise
+                identified = line_was_empty = False
+                silence = _Silence(self._host(), self._decoder.counts.corrupt)  # likewise
             self._troubles.check_counts(self.counts, now_s)
             if gone is not None:
                 raise gone
@@ -276,16 +279,22 @@ class SerialSource:
             elif self._overslept and now_s - asked_s > _LATE_S:
                 asked_s, self._overslept, self._asked_late = now_s, False, True
                 self._write(Kind.IDENTIFY)  # the hello holds the count of late scans
-            if self._host() - heard_s > patience_s:
-                heard_s = self._host()
-                self._start()
-                self._hold_scans()  # the silence may have been a change of cables
-                if not silent:
-                    silent = True
-                    n_corrupt = self._decoder.counts.corrupt - corrupt
-                    broken = f"{n_corrupt} broken frames came: is the cable sound?"
-                    reason = broken if n_corrupt else "it is told to send again"
-                    self.on_message(f"no scan came for {patience_s:.2g} s; {reason}")
+            self._check_silence(silence)
+
+    def _check_silence(self, silence: _Silence) -> None:
+        """Tell a device that has been silent for long to send, again and again."""
+        patience_s = max(_SILENT_S, 4.0 * self._period_s)
+        if self._host() - silence.since_s <= patience_s:
+            return
+        silence.since_s = self._host()
+        self._start()
+        self._hold_scans()  # the silence may have been a change of cables
+        if not silence.reported:
+            silence.reported = True
+            n_corrupt = self._decoder.counts.corrupt - silence.corrupt
+            broken = f"{n_corrupt} broken frames came: is the cable sound?"
+            reason = broken if n_corrupt else "it is told to send again"
+            self.on_message(f"no scan came for {patience_s:.2g} s; {reason}")
 
     def _timed(
         self, batch: ScanBatch, now_s: float, prompt: bool, identified: bool

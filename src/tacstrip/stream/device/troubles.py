@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from tacstrip.stream.device.protocol.decoder import Counts
 from tacstrip.stream.device.protocol.frames import Kind
-from tacstrip.stream.device.protocol.messages import Command, Reply, Status
+from tacstrip.stream.device.protocol.messages import Command, Reply, SelfTest, Status
 
 _AGAIN_S = 10.0  # between two messages of one kind
 _ANSWER_S = 0.5  # longest wait for a reply
@@ -80,8 +80,16 @@ class Troubles:
         if command.kind != Kind.IDENTIFY:
             self._asked[command.sequence] = command, now_s
 
-    def check_reply(self, reply: Reply, now_s: float) -> None:
-        """Report a reply that refuses its command, or answers none."""
+    def check_message(self, message: object, now_s: float) -> None:
+        """Report a reply that refuses its command or answers none, and what nobody asked for."""
+        if isinstance(message, Reply):
+            self._check_reply(message, now_s)
+        elif isinstance(message, SelfTest):
+            self.say("test", "the device tells of a test that was not asked for", now_s)
+        elif isinstance(message, Command):
+            self.say("echo", "commands come back on the line: is an echo on?", now_s)
+
+    def _check_reply(self, reply: Reply, now_s: float) -> None:
         command, _ = self._asked.pop(reply.command_sequence, (None, 0.0))
         if command is None or command.kind != reply.command:
             self.say("reply", "the device answers a command that was not sent", now_s)
