@@ -146,9 +146,7 @@ def test_advice_promises_no_more_than_the_floor_allows() -> None:
     triangle = ts.Contact.polygon([(14.0, 46.0), (42.0, 41.0), (83.0, 48.0)])
     scans = [ts.simulate(SENSOR, triangle, floor, rng=seed) for seed in range(6)]
     said = [ts.fit_polygon(ts.Scan(kh=s["kh"]), SENSOR, floor).objects[0].advice for s in scans]
-    assert any(
-        "average 16 scans (more hardly help: an error of 0.3 % of Vref stays), or use" in a for a in said
-    )
+    assert all(some in a for a in said)
     assert not any("average more" in a for a in said)
 
 
