@@ -112,13 +112,13 @@ def limits_figure(sensor: Sensor, outline: Outline, found: Sequence[Limit], over
             left.plot(*closed, color=colour, linestyle=("-", "--", ":")[number % 3], label=label, zorder=5)
             label = None
     zoom(left, outline.vertices, sensor)
-    left.set_title("95 % regions of the best estimate")
+    left.set_title("95 % regions\nof the best estimate")
     if entries := left.get_legend_handles_labels()[0]:  # within, it would lie on a long sensor
         figure.legend(handles=entries, loc="outside lower left", ncols=3, frameon=False)
     fill_sheet(left, sensor)
     axes_with_sensor(sensor, right)
     _draw_map(right, sensor, outline, over)
-    right.set_title("error with the contact's centroid here")
+    right.set_title("error with the\ncontact's centroid here")
     return figure
 
 

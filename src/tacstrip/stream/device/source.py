@@ -204,6 +204,7 @@ class SerialSource:
                 if not self._closed:
                     self.on_message(f"the device is gone ({error}); plug it in again and it goes on")
                     self._reconnect()
+        self._troubles.check_counts(self.counts, self._host(), last=True)
         with suppress(OSError):  # if the device is gone, that stops it too
             self._write(Kind.STOP)
         self._port.close()

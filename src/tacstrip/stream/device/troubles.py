@@ -53,14 +53,15 @@ class Troubles:
             self._told_s[kind] = now_s
             self._tell(text)
 
-    def check_counts(self, counts: Counts, now_s: float) -> None:
-        """Report what the decoder has counted since."""
+    def check_counts(self, counts: Counts, now_s: float, last: bool = False) -> None:
+        """Report what the decoder has counted since; the `last` time all of it, however lately a kind was told."""
         if counts == self._told:
             return
         for kind, words in _WORDS.items():
             more = getattr(counts, kind) - getattr(self._told, kind)
-            if more > 0 and now_s - self._told_s.get(kind, -_AGAIN_S) >= _AGAIN_S:
-                self.say(kind, words.format(more), now_s)
+            if more > 0 and (last or now_s - self._told_s.get(kind, -_AGAIN_S) >= _AGAIN_S):
+                self._told_s[kind] = now_s
+                self._tell(words.format(more))
                 self._told = self._told._replace(**{kind: getattr(counts, kind)})
 
     def check_late(self, late: int, asked: bool, now_s: float) -> None:
