@@ -283,7 +283,7 @@ def search(
             some = starts.best(_TURNS, _KEPT_TIED) if few else turns
             found = _with_offsets(starts, some, distribution, offsets, tied=True)
             if explained(found):
-                return found
+                return found if few else _on_as_many_knots_as_all_ask_for(scans, found)
         found = _with_offsets(starts, turns, distribution, offsets)
         if round_and_round and not explained(found) and starts.hopeless:
             beyond = starts.best(_WHOLE_TURNS, 1)
@@ -451,6 +451,24 @@ def freer_spline(basis: FloatArray | None) -> FloatArray | None:
     scans, knots = basis.shape
     more = min([k for k in _SPLINES if k > knots][:_FREER] or [2 * knots], key=lambda k: -k)
     return spline_basis(np.arange(scans) / max(scans - 1, 1), min(more, scans))
+
+
+def _on_as_many_knots_as_all_ask_for(scans: RigidScans, found: Found) -> Found:
+    """Return what was found of some scans with its poses on the spline that all of them ask for.
+
+    Few scans ask for few knots, and poses on these rest where no step of so stiff a path gets across a kink, degrees
+    off and by many deviations: the path is loosened first, then stiffened again. Akaike's criterion weighs errors of
+    the spline as those of noise; BIC lets them grow. Not of few strips, where more knots cost more than they mend.
+    """
+    rest, fit = taken_off(scans, found.offsets), found.fit
+    assert fit.basis is not None
+    every, tries = np.arange(len(scans.k)), [fit]
+    for knots in reversed([k for k in _SPLINES if fit.basis.shape[1] <= k <= len(every) // 2]):
+        tries.append(fitted(rest, tries[-1].corners, tries[-1].poses, basis=_spline(scans, every, knots)))
+    fit = min(tries, key=lambda t: t.cost + 2.0 * (rest.readings.sum() - t.freedom(rest)))
+    others = [fitted(rest, f.corners, f.poses, basis=fit.basis) for f, _ in found.rivals]
+    worse = [other.criterion(rest) - fit.criterion(rest) for other in others]
+    return replace(found, fit=fit, rivals=tuple(zip(others, worse, strict=True)))
 
 
 def _chosen(scans: RigidScans) -> IntArray:
