@@ -42,6 +42,8 @@ def read(text: str, **answers: str) -> Proposal:
     [
         "# Versorgung nachgemessen: 4,62 V (USB-Hub)", "# alimentation mesurée 4.62 V", "# zmierzono 4,62 V",
         "# 電源電圧 4.62V", "# alimentación: 4620 mV", "# Speisung 3,3 V", "// besleme 3.3V",
+        "# volts were computed for a reference of 3.3 V, the board ran on 5 V", "# Vref = 5 V; readings assume 3.3 V",
+        "# mit 3,3 V umgerechnet, das Board hat 5 V", "# 5 V pad, reference 2.5 V",
     ],
 )  # fmt: skip
 def test_volts_of_another_supply_are_asked(said: str) -> None:
@@ -56,6 +58,7 @@ def test_volts_of_another_supply_are_asked(said: str) -> None:
     [
         "# Vref = 5,00 V, USB 4,9 V", "# Akku 3,7 V", "# Bereich 10 V", "# threshold 4.2 V", "# 5 V, 21 C",
         "# +/- 0,5 mV", "# 0-10 V input", "# strip 4 V", "# resolution 4.88 mV",
+        "# computed for 5 V", "# converted with Vref = 5.0 V, v_h up to 4.5 V", "# default threshold 0.05 V",
         "# v_h up to 4.5 V", "# readings reach 4.5 V", "# bis zu 4,5 V", "# V_H = 4.5 V at full press",
     ],
 )  # fmt: skip

@@ -23,7 +23,7 @@ _LEVEL_IS = re.compile(rf"{any_of('battery')}[\s:=]*\d", re.IGNORECASE)  # of a 
 _AS_SPEC = 0.02  # relative: rounded
 _LIKE_SPEC = (0.8, 1.25)  # times Vref: a supply that sags, or another one that is used in its place
 _INSTEAD = (0.6, 1.7)  # times Vref: what a sensor may be fed with instead
-_SUPPLIES = (1.8, 2.5, 3.0, 3.3, 4.096, 5.0)
+_SUPPLIES = (1.1, 1.8, 2.048, 2.5, 2.56, 3.0, 3.3, 4.096, 5.0)
 _MANY = 3  # volts on a line: more are names or readings
 _LONGEST = 100  # characters of a line that are quoted
 
@@ -71,26 +71,30 @@ def ask_for_supply(clues: Clues) -> None:
     vref = clues.sensor.vref_volt
     lines = clues.table.preamble
     stated = [_value(d, m) for line in lines for d, m in _VREF_IS.findall(line)]
-    if any(abs(volts - vref) <= _AS_SPEC * vref for volts in stated):
-        return
+    settled = any(abs(volts - vref) <= _AS_SPEC * vref for volts in stated)
     told = [(line, [_value(d, m) for d, m in _VOLTS.findall(line)]) for line in lines]
     as_spec = any(abs(v - vref) <= _AS_SPEC * vref for _, found in told for v in found)
     codes = {*volts_of_codes(clues.table).values()}
     for line, found in told:
         text = " ".join(line.split()).lstrip("#%/!; ")[:_LONGEST]
-        if len(found) > _MANY or finder("battery", "other_volts").search(line) or meaning(text).role:
+        reckoned = finder("reckoned").search(line)  # with what it names, whatever the board had
+        other = finder("battery", "other_volts").search(line) or meaning(text).role or settled
+        if len(found) > _MANY or (other and not reckoned):
             continue
         for volts in found:
             if abs(volts - vref) <= _AS_SPEC * vref or volts in codes:
                 continue
-            usual = any(abs(volts - v) <= 0.5 * _AS_SPEC * v for v in _SUPPLIES) and not as_spec
-            if _LIKE_SPEC[0] <= volts / vref <= _LIKE_SPEC[1] or (usual and finder("supply").search(line)):
+            usual = any(abs(volts - v) <= 0.5 * _AS_SPEC * v for v in _SUPPLIES)
+            named = finder("supply").search(line)
+            if (usual and (named or reckoned)) or (
+                not other and _LIKE_SPEC[0] <= volts / vref <= _LIKE_SPEC[1]
+            ):
                 clues.ask(
                     "vref_volt",
                     f"the log says {text!r}, and the spec vref_volt = {vref:g}: with which Vref was it made?",
                     f"{volts:g}", f"{vref:g}",
                 )  # fmt: skip
-            elif usual:
+            elif usual and not (as_spec or other):
                 clues.doubt(
                     f"the log says {text!r}, and the spec vref_volt = {vref:g}: readings are taken by the spec; else "
                     f"--answer vref_volt={volts:g}"
