@@ -218,3 +218,20 @@ def test_columns_as_many_as_those_of_the_one_end_are_asked_about() -> None:
     text = "".join(f"{0.02 * n:.2f}s R->L H:- 2.1 2.2 L:- 1.{n} 1.7\n" for n in SCANS)
     assert asked(text)["L H[0]"] == ("h", "skip")
     assert read(text, **{"L H[0]": "h"}).mapping.channels == ("h", "l")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        ",s0_V,s1_V,s2_V\n"
+        + "".join(f"2026-11-24T09:41:{17 + n // 2}.{n % 2 * 5}00+01:00,1.{n},1.4,\n" for n in range(6)),
+        "; Acquisition with 3/3 channels at 2 Hz\ns0_V,s1_V,s2_V\n"
+        + "".join(f"1.{n},1.4,\n" for n in range(6)),
+        "\u30b5\u30f3\u30d7\u30ea\u30f3\u30b0\u5468\u671f,500ms,\ns0_V,s1_V,s2_V\n"
+        + "".join(f"1.{n},1.4,\n" for n in range(6)),
+    ],
+)
+def test_times_without_a_name_and_rates_above(text: str) -> None:
+    sensor = ts.Sensor(construction="crs-m", strips=3, pitch_mm=6.0, length_mm=80.0, vref_volt=5.0)
+    read = propose(of_text(text), sensor, {})
+    assert [s.time_s - read.scans[0].time_s for s in read.scans] == pytest.approx([0.5 * n for n in range(6)])

@@ -200,7 +200,9 @@ def _split_keys(table: Table) -> Table:
     """Split a column of names such as "3H", "vh[3]" or "S01 high" into strip and channel."""
     for name in table.names:
         fields = table.column(name)
-        if meaning(name).role == "time" or any(number_of(f) is not None for f in {*fields}):
+        if meaning(name).role == "time" or any(
+            number_of(f) is not None or clock_seconds(f) is not None for f in {*fields}
+        ):
             continue
         kinds = meanings(sorted(set(fields)))
         if len(kinds) < 2 or any(

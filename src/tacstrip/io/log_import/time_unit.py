@@ -51,13 +51,20 @@ _RATE = re.compile(
 _RATE_BEHIND = re.compile(
     r"(?<![\w.,])(\d[\d.,]*)\s*(k?)(?:hz|sps)\s+(?:sampl|scan|rate|abtast|log|record)", re.IGNORECASE
 )
+# As "Acquisition with 8/8 channels at 10 Hz"; what a filter, the mains or a shaker does at a frequency is no rate.
+_AT_RATE = re.compile(
+    r"^(?!.*(?:filter|pass|cut-?off|mains|notch|pwm|excit|shak|vibrat|osc|press|tap))(?=.*(?:acqui|sampl|scan|channel|record|logg?ed"
+    r"|measure|captur)).*\bat\s+(\d[\d.,]*)\s*(k?)(?:hz|sps)\b",
+    re.IGNORECASE | re.MULTILINE,
+)
 # As National Instruments' programs write it, in seconds.
 _INCREMENT = re.compile(
     r"(?:^X_Dimension[\t;,]Time\b[\s\S]*?^Delta_X|^wf_increment)[\t;,]\s*([\d.,]+(?:E[+-]?\d+)?)",
     re.IGNORECASE | re.MULTILINE,
 )
 _PERIOD = re.compile(
-    r"\b(?:\w*(?:interval|period|intervall|periode|delta[ _]?[tx]|dt|time ?step|schrittweite)\w*)\b[^\d\n]{0,20}?"
+    r"\b(?:\w*(?:interval|period|intervall|periode|delta[ _]?[tx]|dt|time ?step|schrittweite"
+    r"|\u5468\u671f|\u9593\u9694|\u95f4\u9694|\uc8fc\uae30|\uac04\uaca9)\w*)\b[^\d\n]{0,20}?"
     r"([\d.,]+(?:e[+-]?\d+)?)[\s,;]*(s|ms|us|µs|sec|seconds|msec)\b",
     re.IGNORECASE,
 )
@@ -313,7 +320,7 @@ def _rates_above(clues: Clues) -> set[float]:
         return {1.0 / step for step in steps if step}
     rates = {
         value * (1000.0 if kilo else 1.0)
-        for digits, kilo in (*_RATE.findall(text), *_RATE_BEHIND.findall(text))
+        for digits, kilo in (*_RATE.findall(text), *_RATE_BEHIND.findall(text), *_AT_RATE.findall(text))
         if (value := number_of(digits.rstrip(".,"), "," if "," in digits else "."))
     }
     rates |= {

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from tacstrip.io.log_import.fields import number_of, says_nothing
+from tacstrip.io.log_import.fields import clock_seconds, number_of, says_nothing
 from tacstrip.io.log_import.names import READING_UNITS, UNITS, meaning, pair_of
 from tacstrip.io.log_import.table import Table, said_above, text_of
 
@@ -371,7 +371,10 @@ def _outer(
         values = {*there.values()}
         full = len(there) == len(order)
         worded = not any(number_of(v) is not None for v in values)
-        clock = role in ("time", "scan")
+        dated = all(
+            number_of(v) is None and clock_seconds(v) is not None for v in values
+        )  # whatever its name
+        clock = dated or role in ("time", "scan")
         if clock and full and (len(values) > 1 or role == "time"):
             kept[name] = there
         elif clock and role == "time" and not full and len(there) > 1:
