@@ -183,6 +183,21 @@ def test_columns_of_one_name_are_named_as_the_pair() -> None:
     }
 
 
+@pytest.mark.parametrize(
+    ("encoding", "said"),
+    [
+        ("euc_kr", "\uc13c\uc11c \uc77c\uacf1, \ubc14\ub2e5"), ("cp932", "\u30bb\u30f3\u30b5\u30fc\u306e\u51fa\u529b"),
+        ("gb18030", "\u5b9e\u9a8c\u6570\u636e\u7b2c\u4e00\u7ec4"),
+        ("big5", "\u6e2c\u91cf\u5099\u8a3b\u7528\u624b\u6307"),
+        ("cp1252", "Gr\xf6\xdfe, d\xe9j\xe0, \xc4\xd6\xdc \xe4\xf6\xfc \xdf, \xb0C"),
+    ],
+)  # fmt: skip
+def test_letters_of_one_script_tell_their_encoding(tmp_path: Path, encoding: str, said: str) -> None:
+    log = tmp_path / "log.csv"
+    log.write_bytes(f"{said}\n0,1.5,2.5\n".encode(encoding))
+    assert decoded(log).startswith(said)
+
+
 def test_encodings_of_other_scripts(tmp_path: Path) -> None:
     head = "\u65f6\u95f4(\u79d2),\u6761\u5e26\u7f16\u53f7,\u7535\u538b(V)"
     lines = [f"{n / 10},{s},{0.5 + 0.1 * s + 0.01 * n:.3f}" for n in SCANS for s in range(5)]

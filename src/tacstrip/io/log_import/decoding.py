@@ -11,7 +11,13 @@ from tacstrip.io.log_import.names import OTHER_SCRIPT
 from tacstrip.io.log_import.table import GARBLED
 
 _MOST_BYTES = 2**30
-_ENCODINGS = ("gb18030", "big5", "shift_jis", "euc_kr", "cp1251", "koi8-r")
+_ENCODINGS = ("gb18030", "big5", "cp932", "cp949", "cp1251", "koi8-r")
+# In which rows of their tables, by the first byte, the standards have the characters in daily use.
+_DAILY = {"euc_kr": range(0xB0, 0xC9), "gb18030": range(0xB0, 0xD8), "big5": range(0xA4, 0xC7)}
+_KANA = re.compile("[\u3041-\u30fe]")
+_FEW_LETTERS = 6  # distinct ones, of which a script is told
+_NEARLY_ALL, _SOME = 0.9, 0.2  # of the letters; kana stand among Chinese characters
+_APART = 0.3  # of a Latin text's letters with marks or more stand beside none other
 # Words of central Europe whose letters are other ones in Western Europe's encoding.
 _EASTERN = re.compile(
     r"\b(?:kana\u0142\w*|d\u00f3\u0142|napi\u0119cie|warto\u015b\u0107|\u015bcie\u017cka|\u010das|nap\u011bt\u00ed|\u0159\u00e1dek|k\u00e1b\u011bl|fesz\u00fclts\u00e9g|id\u0151"
@@ -48,7 +54,32 @@ def decoded(file: Path) -> str:
     best = max(known, key=lambda other: known[other], default="")
     eastern = text.decode("cp1250", errors="replace")
     western = eastern if _EASTERN.search(eastern) and not _EASTERN.search(western) else western
-    return best if known.get(best) else western
+    return best if known.get(best) else _of_one_script(text, western) or western
+
+
+def _of_one_script(raw: bytes, western: str) -> str:
+    """Return a text of an East Asian script, where a Latin reading is rows of marks; "" where it is not one's.
+
+    Examples
+    --------
+    >>> _of_one_script("측정 결과 바닥 센서".encode("euc_kr"), "측정 결과 바닥 센서".encode("euc_kr").decode("cp1252"))
+    '측정 결과 바닥 센서'
+    >>> _of_one_script("Größe, Länge".encode("cp1252"), "Größe, Länge")
+    ''
+    """
+    runs = [len(run) for run in re.findall(r"[^\0-\x7f]+", western)]
+    apart = runs.count(1) >= _APART * sum(runs)
+    for name in ("cp932", *(_DAILY if not apart else ())):  # second bytes of cp932 may be ASCII
+        with contextlib.suppress(UnicodeDecodeError):
+            text = raw.decode(name)
+            letters = [c for c in text if c > "\x7f" and c.isalpha()]
+            kana = name == "cp932"
+            own = [c for c in letters if (_KANA.match(c) if kana else c.encode(name)[0] in _DAILY[name])]
+            if len({*letters}) >= _FEW_LETTERS and len(own) >= (_SOME if kana else _NEARLY_ALL) * len(
+                letters
+            ):
+                return text
+    return ""
 
 
 def _in_utf16(raw: bytes, file: Path, name: str) -> str:
