@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from scipy.io import savemat
 
 import tacstrip as ts
 from tacstrip.io.log_import.containers import read_table
@@ -161,8 +164,50 @@ def test_matrices_that_octave_saves_as_text_are_read_whatever_the_ending(tmp_pat
     one, other = (read_table(tmp_path / name) for name in ("x.mat", "x.txt"))
     assert one.rows == other.rows
     (tmp_path / "binary.mat").write_bytes(b"MATLAB 5.0 MAT-file" + bytes(200))
-    with pytest.raises(ts.ReadingError, match="export it as CSV"):
+    with pytest.raises(ts.ReadingError, match="damaged"):
         read_table(tmp_path / "binary.mat")
+    (tmp_path / "new.mat").write_bytes(b"MATLAB 7.3 MAT-file" + bytes(200))
+    with pytest.raises(ts.ReadingError, match="-v7"):
+        read_table(tmp_path / "new.mat")
+    low_high = {
+        "t": np.arange(6.0)[:, None],
+        "Vh": np.full((6, 2), 2.5),
+        "Vl": np.full((6, 2), 1.5),
+        "Vref": 5.0,
+    }
+    savemat(tmp_path / "saved.mat", low_high)
+    saved = read_table(tmp_path / "saved.mat")
+    assert (saved.names[0], len(saved.names), saved.rows[1][:2]) == ("t", 5, ["1", "2.5"])
+
+
+def test_cells_of_an_open_document_are_read_as_often_as_they_are_repeated(tmp_path: Path) -> None:
+    table, office = (
+        "urn:oasis:names:tc:opendocument:xmlns:table:1.0",
+        "urn:oasis:names:tc:opendocument:xmlns:office:1.0",
+    )
+    text = "urn:oasis:names:tc:opendocument:xmlns:text:1.0"
+    names = "".join(
+        f"<t:table-cell><x:p>{n}</x:p></t:table-cell>" for n in ("t (s)", "strip", "high (V)", "low (V)")
+    )
+    rows = "".join(
+        f"<t:table-row><t:table-cell o:value='{n}'/><t:table-cell o:value='{s}'/>"
+        "<t:table-cell o:value='2.5' t:number-columns-repeated='2'><x:p>2,5</x:p></t:table-cell>"
+        "<t:table-cell t:number-columns-repeated='16380'/></t:table-row>"
+        for n in range(4) for s in range(2)
+    )  # fmt: skip
+    empty = "<t:table-row t:number-rows-repeated='1048000'>"
+    empty += "<t:table-cell t:number-columns-repeated='16384'/></t:table-row>"
+    sheet = f"<t:table t:name='A'><t:table-row>{names}</t:table-row>{rows}{empty}</t:table>"
+    path = tmp_path / "log.ods"
+    with zipfile.ZipFile(path, "w") as packed:
+        packed.writestr(
+            "content.xml", f"<o:doc xmlns:o='{office}' xmlns:t='{table}' xmlns:x='{text}'>{sheet}</o:doc>"
+        )
+    read = read_table(path)
+    assert (len(read.rows), read.rows[-1]) == (8, ["3", "1", "2.5", "2.5"])
+    path.write_bytes(path.read_bytes()[:-30])
+    with pytest.raises(ts.ReadingError, match="damaged"):
+        read_table(path)
 
 
 @pytest.mark.parametrize(

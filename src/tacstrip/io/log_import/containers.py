@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import importlib
+import math
 import re
 import tempfile
 import zipfile
@@ -14,6 +15,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO
+from xml.etree import ElementTree as ET
 
 import numpy as np
 import numpy.typing as npt
@@ -35,6 +37,11 @@ _MOST_ROWS = 2**20  # of a sheet, as the form sets it
 _MOST_NUMBERS = 2**25  # of a file: as many take gigabytes
 _START = 4096  # bytes that tell a text
 _LONG = 100  # characters of a library's message
+_OFFICE, _TABLE, _TEXT = (
+    f"{{urn:oasis:names:tc:opendocument:xmlns:{part}:1.0}}" for part in ("office", "table", "text")
+)
+_MOST_EMPTY = 2**10  # cells beside each other: a sheet's row ends in thousands of these
+_NEW_MATLAB = b"MATLAB 7.3"
 
 
 class SeveralSheets(Exception):  # noqa: N818, a question
@@ -42,7 +49,7 @@ class SeveralSheets(Exception):  # noqa: N818, a question
 
 
 def read_table(path: str | Path, sheet: str | None = None) -> Table:
-    """Read a log: .csv, .tsv, .txt, .log, .json, .jsonl and other text, .xlsx, .npz, .parquet.
+    """Read a log: .csv, .tsv, .txt, .log, .json, .jsonl and other text, .xlsx, .ods, .npz, .mat, .parquet.
 
     Parameters
     ----------
@@ -73,7 +80,11 @@ def read_table(path: str | Path, sheet: str | None = None) -> Table:
                 return of_columns(_parquet(file))
             case ".feather" | ".arrow" | ".ipc":
                 return of_columns(_feather(file))
-            case ".xls" | ".ods" | ".mat" | ".h5" | ".hdf5" if not _is_text(file):
+            case ".ods" if not _is_text(file):
+                return _of_workbook(file, _open_document(file), sheet)
+            case ".mat" if not _is_text(file):
+                return _of_archive(_matrices(file), path)
+            case ".xls" | ".h5" | ".hdf5" if not _is_text(file):
                 raise ReadingError(f"{path}: not a form that is read here; export it as CSV")
             case _:
                 return of_text(decoded(file), path)
@@ -166,6 +177,37 @@ def _cells(sheet: Any, file: Path) -> list[list[Any]]:
     return rows
 
 
+def _open_document(file: Path) -> dict[str, list[list[Any]]]:
+    """Return the cells of the sheets of an OpenDocument spreadsheet that hold something, by name."""
+    with file.open("rb") as opened, _library_at_work(file):
+        _check_unpacked(file, opened)
+        with zipfile.ZipFile(opened) as packed:
+            root = ET.fromstring(packed.read("content.xml"))
+        found: dict[str, list[list[Any]]] = {}
+        for sheet in root.iter(f"{_TABLE}table"):
+            rows = found[sheet.get(f"{_TABLE}name", "")] = []
+            for row in sheet.iter(f"{_TABLE}table-row"):
+                cells: list[Any] = []
+                for cell in row:
+                    many = int(cell.get(f"{_TABLE}number-columns-repeated", 1))
+                    value = _cell(cell)
+                    _check_size(file, sum(map(len, rows)) + len(cells) + many if value is not None else 0)
+                    cells += [value] * (many if value is not None else min(many, _MOST_EMPTY))
+                many = int(row.get(f"{_TABLE}number-rows-repeated", 1))
+                filled = any(value is not None for value in cells)
+                _check_size(file, many * len(cells) if filled else 0)
+                rows += [cells] * (many if filled else 1)
+    return {title: rows for title, rows in found.items() if any(text_of(c) for row in rows for c in row)}
+
+
+def _cell(cell: ET.Element) -> Any:
+    """Return what a cell of OpenDocument holds, as other workbooks have it; None where that is nothing."""
+    shown = "\n".join("".join(p.itertext()) for p in cell.findall(f"{_TEXT}p"))
+    if (number := cell.get(f"{_OFFICE}value")) is not None:
+        return float(number)
+    return cell.get(f"{_OFFICE}date-value") or shown or None
+
+
 def _of_workbook(file: Path, sheets: dict[str, list[list[Any]]], name: str | None) -> Table:
     if name is not None and name not in (*sheets, ALL):
         raise ReadingError(f"{file}: no sheet {name!r}; it has: {', '.join(sheets) or 'nothing'}")
@@ -242,6 +284,25 @@ def _archive(file: Path) -> dict[str, npt.NDArray[Any]]:
         if strange := [name for name, array in found.items() if not isinstance(array, np.ndarray)]:
             raise ReadingError(f"{file}: {strange[0]} in it is no array: no .npz file, or a damaged one")
         return found
+
+
+def _matrices(file: Path) -> dict[str, npt.NDArray[Any]]:
+    """Return the arrays that MATLAB saves, vectors as such and numbers without axes."""
+    from scipy import io  # late: it takes long
+
+    with file.open("rb") as opened:
+        if opened.read(len(_NEW_MATLAB)) == _NEW_MATLAB:
+            raise ReadingError(
+                f"{file}: saved with -v7.3; save it with save('log.mat', '-v7'), or export it as CSV"
+            )
+        opened.seek(0)
+        with _library_at_work(file):
+            _check_size(file, 8 * sum(math.prod(shape) for _, shape, _ in io.whosmat(opened)))
+            saved = io.loadmat(opened)
+    found = {
+        n: a for n, a in saved.items() if isinstance(a, np.ndarray) and a.dtype.kind in "biuf" and a.size
+    }
+    return {n: a.squeeze() if a.ndim == 2 and 1 in a.shape else a for n, a in found.items()}
 
 
 def _of_archive(arrays: dict[str, npt.NDArray[Any]], path: str | Path) -> Table:
