@@ -1,9 +1,9 @@
-"""What pandas prints of a DataFrame: columns folded into blocks by a backslash, and an index of several levels."""
+"""What pandas and R print of a data frame: columns in blocks below each other, an index of several levels."""
 
 from __future__ import annotations
 
 import re
-from itertools import groupby, pairwise
+from itertools import chain, pairwise, takewhile
 
 from tacstrip.io.log_import.fields import number_of
 
@@ -21,6 +21,8 @@ def of_pandas(text: str) -> str:
     --------
     >>> of_pandas("     t   h0  \\\n0  0.0  2.5   \n1  0.1  NaN   \n\n    l0  \n0  1.5  \n1  NaN  \n")
     't\th0\tl0\n0.0\t2.5\t1.5\n0.1\tNaN\tNaN'
+    >>> of_pandas("> d\n    t  h0\n1 0.0 2.5\n2 0.1  NA\n   l0\n1 1.5\n2  NA\n")
+    '# > d\nt\th0\tl0\n0.0\t2.5\t1.5\n0.1\tNA\tNA'
     >>> of_pandas("           h    l\nt   strip        \n0.0 0    2.5  1.5\n    1    NaN  NaN\n0.1 0    2.6  1.6\n")
     't\tstrip\th\tl\n0.0\t0\t2.5\t1.5\n0.0\t1\tNaN\tNaN\n0.1\t0\t2.6\t1.6'
     """
@@ -29,25 +31,35 @@ def of_pandas(text: str) -> str:
 
 
 def _unfolded(lines: list[str]) -> str:
-    if not any(re.search(r"\S\s+\\\s*\Z", line) for line in lines):
+    tables: list[range] = []  # names, and the rows below them
+    for n in range(len(lines) - 1):
+        if _is_block(lines[n : n + 2]):
+            names, places = lines[n], range(n + 1, len(lines))
+            below = takewhile(lambda k: _is_block([names, lines[k]]), places)  # noqa: B023, used at once
+            tables.append(range(n, n + 1 + sum(1 for _ in below)))
+    if len(tables) < 2 or len({*map(len, tables)}) > 1:
         return ""
-    said = [line for line in lines if _PROMPT.fullmatch(line)]
-    blocks = [
-        [*part]
-        for filled, part in groupby((x for x in lines if x not in said), key=lambda x: bool(x.strip()))
-        if filled
-    ]
-    tables = [block for block in blocks if len(block) > 1 and _is_block(block)]
-    around = [line for block in blocks if block not in tables for line in block]
-    if len(tables) < 2 or len({len(block) for block in tables}) > 1:
-        return ""
-    split = [[line.rstrip(" \\").split() for line in block] for block in tables]
+    split = [[lines[k].rstrip(" \\").split() for k in table] for table in tables]
     if len({tuple(row[0] for row in part[1:]) for part in split}) > 1:
         return ""
     rows = [[cell for part in split for cell in part[n][n > 0 :]] for n in range(len(split[0]))]
-    if len({len(row) for row in rows}) > 1:
+    marked = any(
+        re.search(r"\S\s+\\\s*\Z", line) for line in lines
+    )  # by pandas; R only prints the rows' names again
+    between = [lines[k] for a, b in pairwise(tables) for k in range(a.stop, b.start)]
+    if (
+        len({len(row) for row in rows}) > 1
+        or len({*rows[0]}) < len(rows[0])
+        or (not marked and any(map(str.strip, between)))
+    ):
         return ""
-    remarks = [f"# {line.strip()}" for line in (*around, *(x for x in said if "#" in x)) if line.strip()]
+    taken = {*chain(*tables)}
+    around = [
+        line
+        for k, line in enumerate(lines)
+        if k not in taken and (not _PROMPT.fullmatch(line) or "#" in line)
+    ]
+    remarks = [f"# {line.strip()}" for line in around if line.strip()]
     return "\n".join([*remarks, *("\t".join(row) for row in rows)])
 
 
