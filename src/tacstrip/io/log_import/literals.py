@@ -12,7 +12,8 @@ _WRAPPED = re.compile(
     r"\b(?:np\.|numpy\.)?(?:array|float\d*|u?int\d*|deque|tuple|list)\(((?:[^()]|\([^()]*\))*?)(?:,\s*dtype=[\w.']+)?\)"
 )
 _ASSIGNED = re.compile(r"\s*(?:>>>\s*)?(?:[A-Za-z_]\w*\s*=\s*)?(?=[\[({])")
-_NONE = re.compile(r"(?<![\w'\"])[+-]?(?:nan|NaN|NAN|inf|Infinity|null)(?![\w'\"])")
+_REMARK = re.compile(r"\(\*.*?\*\)", re.DOTALL)  # of Mathematica
+_NONE = re.compile(r"(?<![\w'\"])[+-]?(?:nan|NaN|NAN|inf|Infinity|[nN]ull)(?![\w'\"])")
 _SCALE = re.compile(r"\s*(\d+(?:\.\d+)?[eE][+-]?\d+)\s*\*\s*")
 _PAGE = re.compile(r"\s*Columns? \d+(?: (?:through|thru|and|to) \d+)?:?\s*")
 _ROWS = re.compile(r"([^\[]*)\[\s*((?:\[[^\[\],]*\]\s*)+)\]\s*\)?")
@@ -67,14 +68,20 @@ def _counted(line: str) -> str:
 
 
 def literals(text: str) -> tuple[list[tuple[int, Any]], list[tuple[int, str]]]:
-    """Return the containers that a text, or its lines, write in Python's form, with their lines; lines around them."""
-    whole = literal(text.strip())
+    r"""Return the containers that a text, or its lines, write in Python's form, with their lines; lines around them.
+
+    Examples
+    --------
+    >>> literals("(* t, high *)\n{{0, {2.5, Null}},\n {1, {2.6, Null}}}")
+    ([(1, [0, [2.5, None]]), (2, [1, [2.6, None]])], [(0, '(* t, high *)')])
+    """
+    whole = literal(_REMARK.sub("", text).strip())
     if (
         isinstance(whole, list | tuple)
         and len(whole) > 1
         and all(isinstance(r, list | tuple | dict) for r in whole)
     ):
-        return list(enumerate(whole, 1)), []
+        return list(enumerate(whole, 1)), [(0, remark) for remark in _REMARK.findall(text)]
     lines = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip()]
     found = [
         (i, value)
