@@ -235,3 +235,10 @@ def test_times_without_a_name_and_rates_above(text: str) -> None:
     sensor = ts.Sensor(construction="crs-m", strips=3, pitch_mm=6.0, length_mm=80.0, vref_volt=5.0)
     read = propose(of_text(text), sensor, {})
     assert [s.time_s - read.scans[0].time_s for s in read.scans] == pytest.approx([0.5 * n for n in range(6)])
+
+
+def test_a_comment_of_ranges_names_columns_in_runs() -> None:
+    rows = "".join(f"{n}00 2{n}00 2{n}10 0 | 1{n}00 1{n}10 0\n" for n in range(1, 7))
+    table = of_text(f"# pad fw 0.3 order: t, H0..H2 | L0..L2, 0 = open\n{rows}")
+    assert table.names == ("t", "H0", "H1", "H2", "L0", "L1", "L2")
+    assert table.rows[1] == ["200", "2200", "2210", "0", "1200", "1210", "0"]

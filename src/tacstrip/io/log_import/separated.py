@@ -33,12 +33,15 @@ _REMARKED = re.compile(
     r"(?<!\s)(?:\s+[(\[][^()\[\]]{9,}[)\]]\s*|\s{2,}\S.*|\s+(?:--|#|//)\s.*)\Z"
 )  # behind names in a comment
 _ANNOUNCED = re.compile(
-    r"\A(?:order|columns?|fields?|format|header|names?|cols?|spalten)\s*[:=]\s*", re.IGNORECASE
+    r"\A(?:[^:=]*\s)?(?:order|columns?|fields?|format|header|names?|cols?|spalten)\s*[:=]\s*", re.IGNORECASE
 )
 _RANGE = re.compile(
     r"\b([A-Za-z_]+) ?(\d+)\s*(?:\.\.+|\u2026|-|to)\s*([A-Za-z_]*) ?(\d+)\b"
 )  # such as "A0..A3"
-_SAID_OF = re.compile(r"\s+(?:=|are|:)\s.*\Z")  # what names are
+_SAID_OF = re.compile(r"(?:[,;]\s*-?\d+)?\s+(?:=|are|:)\s.*\Z")  # what names are, or a number is
+_PARTED = re.compile(
+    r"[-+\d.]+(?:\s+[-+\d.]+)+(?:\s+\|(?:\s+[-+\d.]+){2,})+"
+)  # runs of numbers between spaces
 _MOST_NAMES = 1000
 _NUMBERED = re.compile(r"[A-Za-z_]+\d+\S*")  # a column's name, such as S1 or v2_h
 _HEX = r"[\dA-Fa-f]{2,8}"
@@ -47,6 +50,9 @@ _FEW_BLOCKS = 2
 
 def separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) -> Table:
     """Return lines of fields with the separator that most of them share."""
+    parted = {i for i, line in lines if _PARTED.fullmatch(line.strip())}
+    if 2 * len(parted) > len(lines):
+        lines = [(i, re.sub(r"\s+\|\s+", " ", line) if i in parted else line) for i, line in lines]
     comments = [(i, line) for i, line in lines if line.lstrip().startswith(_COMMENT)]
     data = [(i, line) for i, line in lines if not line.lstrip().startswith(_COMMENT)]
     if not data:  # all of it is commented out
@@ -134,7 +140,8 @@ def separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) -
 def _names_said(line: str, width: int, separator: str) -> str:
     """Return a comment without what stands around as many names as there are fields: a word before, a remark behind.
 
-    As in "# columns: t strip h l", "# scan strip volts   (touched strips only)" and "# t, A0..A3 = strips 1 to 4".
+    As in "# columns: t strip h l", "# scan strip volts   (touched strips only)", "# t, A0..A3 = strips 1 to 4" and
+    "# fw 3 order: H0..H7 | L0..L7, 0 = open".
     """
     bare = line.lstrip("#%/! \t")
     for shorter in (
@@ -147,7 +154,7 @@ def _names_said(line: str, width: int, separator: str) -> str:
         if len(found) == width and not {*found} & {"=", ":", "->"}:
             return shorter
         listed = _SAID_OF.sub("", _ANNOUNCED.sub("", _REMARKED.sub("", shorter)))
-        parts = [p.strip() for p in re.split(r"[,;]", _RANGE.sub(_in_full, listed))]
+        parts = [p.strip() for p in re.split(r"[,;|]", _RANGE.sub(_in_full, listed))]
         if (
             len(parts) == width > _FEW_BLOCKS
             and all(parts)
