@@ -53,7 +53,7 @@ _RATE_BEHIND = re.compile(
 )
 # As "Acquisition with 8/8 channels at 10 Hz"; what a filter, the mains or a shaker does at a frequency is no rate.
 _AT_RATE = re.compile(
-    r"^(?!.*(?:filter|pass|cut-?off|mains|notch|pwm|excit|shak|vibrat|osc|press|tap))(?=.*(?:acqui|sampl|scan|channel|record|logg?ed"
+    r"^(?!.*(?:filter|pass|cut-?off|mains|notch|pwm|excit|shak|vibrat|osc|press|tap|indent|mov|cycl|strok|load|rotat|slid))(?=.*(?:acqui|sampl|scan|channel|record|logg?ed"
     r"|measure|captur)).*\bat\s+(\d[\d.,]*)\s*(k?)(?:hz|sps)\b",
     re.IGNORECASE | re.MULTILINE,
 )
