@@ -130,8 +130,15 @@ def test_a_filled_up_preamble_hides_neither_names_nor_first_scan(order: tuple[in
 def test_a_whole_row_beside_a_remark_is_not_set_aside_in_silence() -> None:
     rows = [f"{i / 100:.2f}\t1.{i}11\t1.222\t1.333" for i in range(8)]
     text = "\n".join(["log of bench 3", rows[0] + "\tpress starts\tby hand", *rows[1:]])
-    with pytest.raises(Unanswered, match=r"line\(s\) 2 \('0.00.*press"):
+    with pytest.raises(Unanswered, match=r"line\(s\) 2 \('0.00.*press.* as many numbers: mend it"):
         propose(of_text(text), ONE)
+
+
+def test_a_last_line_of_as_many_numbers_is_not_offered_to_be_left_out() -> None:
+    rows = ["t,s0,s1,s2", *(f"{i / 100:.2f},1.{i}11,1.222,1.333" for i in range(8)), "0.08,1.2,1.2,1.3,7"]
+    with pytest.raises(Unanswered, match="10 holds as many numbers: mend it, or take it out") as error:
+        propose(of_text("\n".join(rows)), ONE)
+    assert [q.choices for q in error.value.questions if q.key == "broken_lines"] == [()]
 
 
 def test_names_anew_hold_for_the_lines_below() -> None:

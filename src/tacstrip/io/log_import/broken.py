@@ -16,7 +16,7 @@ from tacstrip.io.log_import.records import is_label, items
 from tacstrip.io.log_import.scans import LogScan, scans
 from tacstrip.io.log_import.table import CLOCK, GARBLED, Table
 
-_NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:[.,]\d+)*(?!\w)")
+_NUMBERS = {mark: re.compile(rf"(?<![\w.])[-+]?\d+(?:\{mark}\d+)*(?!\w)") for mark in ".,"}
 _STAMP = re.compile(r"\d+:\d+(?::\d+)?(?:[.,]\d+)?|\d{4}-\d\d-\d\d[T ]?")
 _FEW_VALUES = 0.5  # of those of other lines: a line with more may be a scan
 _GAP, _REGULAR = 1.5, 0.9  # times the usual step, part of the steps that are near it
@@ -43,6 +43,14 @@ def settle_broken(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) ->
         clues.questions = [q for q in clues.questions if q.key != "broken_lines"]
 
 
+def hold_readings(table: Table, lines: list[int]) -> list[int]:
+    """Return the lines above or below all rows that hold as many numbers as these, as in a list's outer brackets."""
+    quotes = {n: table.quotes.get(n, "") for n in lines if not min(table.lines) < n < max(table.lines)}
+    return [
+        n for n, q in quotes.items() if GARBLED not in q and _values_of(q, table.decimal) >= _usual(table)
+    ]
+
+
 def _at_the_end(table: Table, lines: list[int]) -> bool:
     """Return whether lines below all rows are one that is cut, or several that begin with no number, as statistics."""
     quotes = [table.quotes.get(n, "") for n in lines]
@@ -55,7 +63,7 @@ def _at_the_end(table: Table, lines: list[int]) -> bool:
         begun = (
             bool(re.match(r"[^,;\t|]", quotes[0])) and not label and GARBLED not in quotes[0]
         )  # what is cut has its first field
-        return begun and _values_of(quotes[0]) <= _usual(table)
+        return begun and _values_of(quotes[0], table.decimal) <= _usual(table)
     return len(lines) <= _MOST_BELOW and all(q and not re.match(r"[\W_]*\d", q) for q in quotes)
 
 
@@ -63,7 +71,7 @@ def _is_foreign(table: Table, line: int) -> bool:
     """Return whether a line names no strip, channel, time or scan, and holds far fewer values than the table's do."""
     quote = table.quotes.get(line, "")
     words = re.findall(r"[^\W\d_][\w]*", _STAMP.sub(" ", quote))
-    return _values_of(quote) < _FEW_VALUES * _usual(table) and not any(
+    return _values_of(quote, table.decimal) < _FEW_VALUES * _usual(table) and not any(
         meaning(w).role in ("reading", "strip", "scan") for w in words
     )
 
@@ -73,11 +81,11 @@ def _usual(table: Table) -> int:
     return Counter(table.lines).most_common(1)[0][1] * (len(table.names) - (CLOCK in table.names))
 
 
-def _values_of(quote: str) -> int:
+def _values_of(quote: str, decimal: str) -> int:
     """Return how many numbers and words for nothing a line holds, but for a time of day."""
     plain = _STAMP.sub(" ", quote)
     voids = sum(says_nothing(w) for w in re.split(r"[\s;,|]+", plain) if w)
-    return len(_NUMBER.findall(plain)) + voids
+    return len(_NUMBERS[decimal].findall(plain)) + voids
 
 
 def _loses_nothing(clues: Clues, mapping: ColumnMapping, rough: list[LogScan], inner: list[int]) -> bool:

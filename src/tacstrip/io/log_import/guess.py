@@ -14,7 +14,7 @@ import numpy as np
 
 from tacstrip.errors import OptionError, ReadingError
 from tacstrip.io.log_import import conversion, no_contact, time_unit, units
-from tacstrip.io.log_import.broken import settle_broken
+from tacstrip.io.log_import.broken import hold_readings, settle_broken
 from tacstrip.io.log_import.changes import ask_for_notes
 from tacstrip.io.log_import.channel_lines import inputs_as_columns
 from tacstrip.io.log_import.columns import Columns, find_columns
@@ -509,6 +509,10 @@ def _broken(clues: Clues) -> str:
         return clues.answers["broken_lines"]
     if all(n > max(clues.table.lines) and _is_footer(clues.table.quotes.get(n, "")) for n in broken):
         return "skip"  # with a warning
+    if whole := hold_readings(clues.table, broken):
+        text = f"line(s) {shown} are not like the others, and {whole[0]} holds as many numbers: mend it, or take it out"
+        clues.ask("broken_lines", text)
+        return "skip"
     clues.ask("broken_lines", f"line(s) {shown} are not like the others: leave them out?", "skip")
     return "skip"
 

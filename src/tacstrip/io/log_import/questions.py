@@ -36,7 +36,7 @@ class Question:
 
     def __str__(self) -> str:
         ways = [f"{self.key}={choice}" for choice in self.choices]
-        return f"{self.text}  " + " or ".join(f"--answer {_for_shell(way)}" for way in ways)
+        return self.text + "  " * bool(ways) + " or ".join(f"--answer {_for_shell(way)}" for way in ways)
 
 
 class Unanswered(Exception):  # noqa: N818, it is no error of the user's
