@@ -17,7 +17,7 @@ from scipy import sparse
 from scipy.linalg import cho_factor, cho_solve
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
-from tacstrip.diagnose.neighbour_prediction import WorkingCopy, strips_beside
+from tacstrip.diagnose.neighbour_prediction import WorkingCopy, strips_on_both_sides
 from tacstrip.robust import robust_sigma
 
 _SIDES = ((0, 1.0), (-1, -0.5), (1, -0.5))  # strips of a bend, and their weights
@@ -276,9 +276,7 @@ def _in_contact(work: WorkingCopy) -> list[FloatArray]:
     Between these, each signature's slope and mean over the contact, which turn and move with it.
     """
     there, across = work.there, np.arange(work.strips)
-    left, right = (
-        np.where(there, v, 0.0) for v in (strips_beside(there), strips_beside(there[:, ::-1])[:, ::-1])
-    )
+    left, right = (np.where(there, v, 0.0) for v in strips_on_both_sides(there))
     out = [left, right]
     for one in work.k.values():
         weight = (there & np.isfinite(one)).astype(float)

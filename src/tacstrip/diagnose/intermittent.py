@@ -10,7 +10,12 @@ import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.diagnose.faults import Finding, Question
-from tacstrip.diagnose.neighbour_prediction import WorkingCopy, predict_from_neighbours, strips_beside
+from tacstrip.diagnose.neighbour_prediction import (
+    WorkingCopy,
+    moved_across,
+    predict_from_neighbours,
+    strips_on_both_sides,
+)
 
 _FAR = (
     0.12  # over Vref: a reading this far off its neighbours' line, at the level of a free wire, dropped out
@@ -32,7 +37,6 @@ _OTHERS = 4.0  # times as many jumps as the third-worst strip: a contact's shape
 _LASTING = 0.98  # of a strip's readings on one rail: it is open at an end, and does not come and go
 _FEW_OUT = 8  # scans on one rail, as those of a cut strip are
 _MOST_ASKED = 2  # strips: more is no joint of a strip
-_ACROSS, _STRAY = 3, 0.1  # strips, twice what the contact's middle moves across, but for strays: of the scans
 _CUT = 0.12  # a cut strip drops out at some heights, which are all above or all below the others
 
 
@@ -51,8 +55,8 @@ def intermittent(work: WorkingCopy) -> tuple[list[Finding], list[Question]]:
         objects may lie side by side, and the strip between them be touched by one or the other, and by neither.
     """
     jumps, away = _jumps(work)
-    left, right = strips_beside(work.there), strips_beside(work.there[:, ::-1])[:, ::-1]
-    across = np.where(away.any(axis=0) & (left > 0) & (right > 0), right - left, np.nan)
+    left, right = strips_on_both_sides(work.there)
+    amid = away.any(axis=0) & (left > 0) & (right > 0)
     lines = [predict_from_neighbours(values, work.there)[0] for values in work.k.values()]
     lasting = _never_good(work)
     jumps[:, lasting] = 0
@@ -77,15 +81,13 @@ def intermittent(work: WorkingCopy) -> tuple[list[Finding], list[Question]]:
                 values[out[:, strip], strip] = np.nan
         else:
             asked.append(Question((number,), ("intermittent",), evidence))
-    still = [f for f in findings if _stays(across[:, np.flatnonzero(work.order == f.strips[0])[0]])]
+    place = np.argsort(work.order)
+    still = [
+        f for f in findings
+        if (rows := amid[:, i := place[f.strips[0]]]).any() and not moved_across((right - left)[rows, i])
+    ]  # fmt: skip
     asked += [Question(f.strips, ("intermittent",), f.evidence) for f in still]
     return [f for f in findings if f not in still], asked if len(asked) <= _MOST_ASKED else []
-
-
-def _stays(across: FloatArray) -> bool:
-    """Whether a contact about a strip hardly moved across, by how many more strips it has right than left (scans,)."""
-    known = across[np.isfinite(across)]
-    return bool(len(known)) and float(np.ptp(np.quantile(known, [_STRAY, 1.0 - _STRAY]))) < _ACROSS
 
 
 def _anywhere(work: WorkingCopy, lines: list[FloatArray], away: BoolArray, strip: int) -> bool:

@@ -7,15 +7,14 @@ import numpy as np
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.diagnose.faults import Finding, Question
 from tacstrip.diagnose.intermittent import mixed_heights
-from tacstrip.diagnose.neighbour_prediction import WorkingCopy, strips_beside
+from tacstrip.diagnose.neighbour_prediction import WorkingCopy, moved_across, strips_on_both_sides
 from tacstrip.diagnose.regression import passes
 
 _FEWEST = 8  # scans across the strip, in the stretch and outside
 _ONE_CONTACT = 0.2  # over Vref: neighbours under one contact do not differ by more
 _FAR_FROM_REST, _BENT = 2.5, 0.04  # times what counts as touched, and over Vref what a contact bends there
 _AMID, _MANY, _VISITS = 2, 20, 3  # strips on either side, scans, and times that a contact came: a question
-_ACROSS = 3  # strips, twice what the contact's middle moves across, but for strays:
-_STRAY = 0.1  # of the scans, at either side
+_STRAY = 0.1  # of the scans
 _SOUND = 0.2  # of the scans across the strip outside the stretch: a gap between objects is not of one stretch
 _MOST = 2  # strips: more are gaps between objects
 
@@ -40,7 +39,7 @@ def lost(work: WorkingCopy) -> tuple[list[Finding], list[Question]]:
     over, heights = _should_read(work), _heights(work)
     there = work.there.copy()  # strays last for one scan
     there[1:-1] &= there[2:] | there[:-2]
-    left, right = strips_beside(work.there), strips_beside(work.there[:, ::-1])[:, ::-1]
+    left, right = strips_on_both_sides(work.there)
     found: list[tuple[int, slice, BoolArray, bool, bool]] = []
     for strip in np.flatnonzero((over & ~there).sum(axis=0) >= _FEWEST).tolist():
         stretch = _longest_silence(over[:, strip], there[:, strip])
@@ -54,9 +53,8 @@ def lost(work: WorkingCopy) -> tuple[list[Finding], list[Question]]:
         read = across & work.there[:, strip]
         if _cut(work, heights, strip, gap, read):
             continue
-        low, high = np.quantile((right - left)[gap, strip], [_STRAY, 1.0 - _STRAY])
         amid = float(np.mean(np.minimum(left, right)[gap, strip] >= _AMID)) > 1.0 - _STRAY
-        moved = bool(high - low >= _ACROSS)
+        moved = moved_across((right - left)[gap, strip])
         often = min(int(gap.sum()), good) >= _MANY and passes(np.flatnonzero(gap)) >= _VISITS
         if moved or often:
             found.append((strip, stretch, gap, moved, amid))

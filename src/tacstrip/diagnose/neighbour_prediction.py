@@ -15,6 +15,10 @@ from tacstrip.sensor.spec import Sensor
 
 Array = TypeVar("Array", FloatArray, BoolArray)
 
+_ACROSS, _STRAY = (
+    3,
+    0.1,
+)  # strips, twice what the middle of a contact moves across, but for strays: of the rows
 _REACH = 3  # strips to either side that may stand in for a neighbour
 _MOVED = 0.01  # over Vref: a contact that changes a reading by this is at another place
 _ONE_CONTACT = 0.3  # over Vref: neighbours further apart are not taken to be under one contact
@@ -201,6 +205,17 @@ def strips_beside(there: BoolArray) -> FloatArray:
     for i in range(1, there.shape[1]):
         out[:, i] = np.where(there[:, i - 1], out[:, i - 1] + 1.0, 0.0)
     return out
+
+
+def strips_on_both_sides(there: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Return how many touched strips lie to the left and to the right of each without a gap (rows, strips)."""
+    return strips_beside(there), strips_beside(there[:, ::-1])[:, ::-1]
+
+
+def moved_across(right_less_left: FloatArray) -> bool:
+    """Whether a contact moved across a strip, by how many more touched strips lie right of it than left (rows,)."""
+    low, high = np.quantile(right_less_left, [_STRAY, 1.0 - _STRAY])
+    return bool(high - low >= _ACROSS)
 
 
 def _side(

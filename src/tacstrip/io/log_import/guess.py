@@ -95,7 +95,7 @@ def settled(table: Table, read: Callable[[Table], Read]) -> Read:
     for one in itertools.chain([table], table.retries()):
         unnamed = isinstance(kept, Unanswered) and not table.named
         if REPEATED in one.remarks and kept and not (unnamed or isinstance(kept, NoTableError)):
-            continue  # what is said of the log is more than that nothing tells its form
+            continue  # an error that names a place says more than that the form is unknown
         try:
             return read(one)
         except (ReadingError, OptionError, Unanswered) as error:

@@ -42,7 +42,7 @@ class FamilyOutline:
 
     @classmethod
     def fitted(cls, start: PolygonFit, problem: FitProblem) -> OutlineModel:
-        """Return the ellipse near an outline: one scan decides on the family, the next ones follow what is round."""
+        """Return the ellipse near an outline, whatever its kind: scans follow that until they contradict it."""
         return fit_ellipse(start, problem)
 
     @property
