@@ -42,8 +42,8 @@ from .reconstruction.pieces.estimate import Piece as Piece
 from .reconstruction.pieces.estimate import pieces as pieces
 from .reconstruction.polygon.estimate import fit_polygon as fit_polygon
 from .reconstruction.polygon.estimate import fit_polygons as fit_polygons
-from .reconstruction.pressed.fit import SolidFit as SolidFit
 from .reconstruction.pressed.fit import fit_solid as fit_solid
+from .reconstruction.pressed.result import SolidFit as SolidFit
 from .reconstruction.profile import profile_reconstruction as profile_reconstruction
 from .reconstruction.result import Reconstruction as Reconstruction
 from .reconstruction.result import RecoveredObject as RecoveredObject

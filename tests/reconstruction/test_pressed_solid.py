@@ -11,7 +11,8 @@ import pytest
 
 import tacstrip as ts
 from studies.holdout import solids
-from tacstrip.reconstruction.pressed.fit import _about, descended
+from tacstrip.reconstruction.pressed.fit import descended
+from tacstrip.reconstruction.pressed.judged import _about
 from tacstrip.reconstruction.pressed.poses import Poses
 
 TIP, NOISE = ts.Sensor.load("fingertip"), ts.Noise(positional=0.005)

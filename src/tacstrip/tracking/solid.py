@@ -18,8 +18,10 @@ from tacstrip.contact.noise import Noise
 from tacstrip.contact.press.patch import patch_load
 from tacstrip.contact.press.solid import Solid
 from tacstrip.errors import ReadingError
-from tacstrip.reconstruction.pressed.descent import jacobian, refined
-from tacstrip.reconstruction.pressed.fit import RADIUS_OPEN, descended, explains, noise_scale, radii_within
+from tacstrip.reconstruction.pressed.agreement import explains, noise_scale
+from tacstrip.reconstruction.pressed.descent import jacobian, radii_within, refined
+from tacstrip.reconstruction.pressed.fit import descended
+from tacstrip.reconstruction.pressed.judged import RADIUS_OPEN
 from tacstrip.reconstruction.pressed.poses import Poses, cap
 from tacstrip.reconstruction.result import Status
 from tacstrip.scan import Scan

@@ -23,6 +23,7 @@ _ALIKE, _FAR = 0.02, 25.0  # the same: ends that are one; cost above twice the l
 _RADII, _APART = 13, 0.25  # of a ridge along the radius' logarithm; how far apart they are
 _COUNTS = {"cylinder": 9, "edge": 9, "box": 8, "mesh": 12}  # of turns to begin with
 _Residuals: TypeAlias = Callable[[FloatArray], FloatArray]
+Ridge: TypeAlias = tuple[FloatArray, FloatArray]  # poses (M, P) with radii in their order, their costs (M,)
 
 
 def refined(poses: Poses, values: FloatArray, held: str = "") -> tuple[FloatArray, FloatArray]:
@@ -32,7 +33,7 @@ def refined(poses: Poses, values: FloatArray, held: str = "") -> tuple[FloatArra
     return descend(poses.residuals, values, _SETTLED, at)
 
 
-def ridge(poses: Poses, end: FloatArray) -> tuple[FloatArray, FloatArray]:
+def ridge(poses: Poses, end: FloatArray) -> Ridge:
     """Return the best poses with radii beside an end's (M, P), in their order, and their costs (M,); else none.
 
     A patch tells its size well and the radius hardly: poses lie along a bent ridge, whose slopes at one place do not
@@ -43,6 +44,19 @@ def ridge(poses: Poses, end: FloatArray) -> tuple[FloatArray, FloatArray]:
     values = np.repeat(end[None], _RADII, axis=0)
     values[:, at] += _APART * (np.arange(_RADII) - _RADII // 2)
     return refined(poses, values, "log_radius")
+
+
+def radii_within(logs: FloatArray, costs: FloatArray, deviations: float) -> tuple[float, float]:
+    """Return the least and the greatest logarithm (M,), in order, of costs that are so little above the least."""
+    root = np.sqrt(costs - costs.min())  # of a parabola a line on either side
+    inside = np.flatnonzero(root <= deviations)
+    first, last = inside[0], inside[-1]
+    low, high = float(logs[first]), float(logs[last])
+    if first > 0:
+        low = float(np.interp(deviations, root[[first, first - 1]], logs[[first, first - 1]]))
+    if last < len(logs) - 1:
+        high = float(np.interp(deviations, root[[last, last + 1]], logs[[last, last + 1]]))
+    return low, high
 
 
 def descents(poses: Poses) -> tuple[FloatArray, FloatArray]:
