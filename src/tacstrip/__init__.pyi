@@ -36,7 +36,7 @@ from .io.runs import read_runs as read_runs
 from .io.table import object_records as object_records
 from .reconstruction.cramer_rao import vertex_covariance as vertex_covariance
 from .reconstruction.cramer_rao import vertex_rms as vertex_rms
-from .reconstruction.known_object import fit_object as fit_object
+from .reconstruction.known_object.fit import fit_object as fit_object
 from .reconstruction.methods import reconstruct as reconstruct
 from .reconstruction.pieces.estimate import Piece as Piece
 from .reconstruction.pieces.estimate import pieces as pieces

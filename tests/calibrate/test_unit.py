@@ -12,7 +12,8 @@ import pytest
 
 import tacstrip as ts
 from tacstrip.arrays import FloatArray
-from tacstrip.calibrate.fit import fit_model, jacobian, usable_rows
+from tacstrip.calibrate.fit import fit_model, usable_rows
+from tacstrip.calibrate.linearised import jacobian
 from tacstrip.calibrate.model import Constants, Model, apply, pooled_precision, predict
 from tacstrip.calibrate.model_selection import fit_named, select_model
 from tacstrip.calibrate.offsets import mean_offsets

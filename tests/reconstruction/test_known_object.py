@@ -16,7 +16,8 @@ import tacstrip as ts
 from tacstrip.arrays import FloatArray
 from tacstrip.cli import cli
 from tacstrip.io.geojson import feature_collection
-from tacstrip.reconstruction.known_object import _corners, _Fit, pose_covariance
+from tacstrip.reconstruction.known_object.fit import pose_covariance
+from tacstrip.reconstruction.known_object.readings import PoseFit, corners_of
 
 SENSOR = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=10.0, length_mm=100.0)
 SHAPES = {
@@ -175,9 +176,9 @@ def test_a_stuck_channel_is_left_out() -> None:
 
 def test_slopes_are_those_of_differences() -> None:
     k = np.full((2, 4), 0.4)
-    fit = _Fit(
+    fit = PoseFit(
         SENSOR,
-        _corners(SHAPES["angle"]),
+        corners_of(SHAPES["angle"]),
         slice(3, 7),
         SENSOR.x_mm[3:7],
         ("kh", "kl"),

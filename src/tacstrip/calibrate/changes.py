@@ -10,7 +10,8 @@ import numpy as np
 from scipy.special import fdtrc
 
 from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.calibrate.fit import Linear, ModelFit, usable_rows
+from tacstrip.calibrate.fit import ModelFit, usable_rows
+from tacstrip.calibrate.linearised import Linear
 from tacstrip.calibrate.model import predict
 from tacstrip.io.runs import Runs
 from tacstrip.sensor.spec import Sensor

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from tacstrip.arrays import FloatArray
-from tacstrip.calibrate.fit import jacobian, jacobian_of_places
+from tacstrip.calibrate.linearised import jacobian, jacobian_of_places
 from tacstrip.calibrate.model import PARTS, Constants, Model, initial_constants, pooled_precision, predict
 from tacstrip.calibrate.model_selection import parse_model, planned_model
 from tacstrip.calibrate.unit import require_closed_form

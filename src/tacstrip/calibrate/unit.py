@@ -11,9 +11,10 @@ import numpy as np
 from tacstrip.arguments import takes
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.calibrate.changes import changed
-from tacstrip.calibrate.fit import ModelFit, jacobian, offsets_at_median, usable_rows
+from tacstrip.calibrate.fit import ModelFit, offsets_at_median, usable_rows
 from tacstrip.calibrate.goodness import Goodness, assess, assess_fit, spoilt
 from tacstrip.calibrate.interpretation import exchanged_strips, misread, reversed_order
+from tacstrip.calibrate.linearised import jacobian
 from tacstrip.calibrate.model import Constants, apply, predict
 from tacstrip.calibrate.model_selection import Search, Trial, fit_named, select_model
 from tacstrip.calibrate.offsets import mean_offset_sigma, mean_offsets

@@ -21,7 +21,7 @@ from tacstrip.io.input_checks import half_read, implausible, misread, one_readin
 from tacstrip.io.readings import read_readings
 from tacstrip.io.table import nearest_mismatch, object_records, write_table
 from tacstrip.reconstruction.implausible import doubt_scale
-from tacstrip.reconstruction.known_object import fit_object
+from tacstrip.reconstruction.known_object.fit import fit_object
 from tacstrip.reconstruction.methods import chosen_method, reconstruct
 from tacstrip.reconstruction.result import Reconstruction
 from tacstrip.scan import Scan

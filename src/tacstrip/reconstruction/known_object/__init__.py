@@ -1,0 +1,1 @@
+"""The pose of a known rigid outline, from one scan."""
