@@ -20,7 +20,7 @@ from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.polygon.run import MOST_SIGMA, RunFit
 from tacstrip.reconstruction.posterior.draws import Draws, column_ends, columns, draw
 from tacstrip.reconstruction.posterior.family_outline import FamilyOutline
-from tacstrip.reconstruction.posterior.regular import RegularDraws, draw_regular
+from tacstrip.reconstruction.posterior.regular.draws import RegularDraws, draw_regular
 from tacstrip.reconstruction.posterior.rounded import RoundedDraws, draw_rounded
 from tacstrip.reconstruction.result import Alternative
 from tacstrip.sensor.spec import Sensor
