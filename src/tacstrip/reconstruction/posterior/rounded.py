@@ -17,7 +17,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.core.problem import FitProblem
-from tacstrip.geometry.metrics import column_iou
+from tacstrip.geometry.metrics import column_iou, pairwise_column_iou
 from tacstrip.reconstruction.posterior.family_outline import ROUNDED, FamilyOutline
 from tacstrip.sensor.closed_form import width_from_ideal
 
@@ -128,7 +128,7 @@ class RoundedDraws:
 
     def commonest(self) -> int:
         """Return the outline that the others overlap best."""
-        return int(np.argmax(column_iou(self.ends[:, None], self.ends[None]) @ self.weight))
+        return int(np.argmax(pairwise_column_iou(self.ends) @ self.weight))
 
     def outline(self, best: int, lam: float) -> FamilyOutline:
         """Return one of the outlines as a model; `lam`: the transfer length over L."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.core.problem import FitProblem
-from tacstrip.geometry.metrics import column_iou
+from tacstrip.geometry.metrics import column_iou, pairwise_column_iou
 from tacstrip.reconstruction.posterior.family_outline import FamilyOutline
 from tacstrip.reconstruction.posterior.regular.kinds import KINDS, Outlines
 from tacstrip.reconstruction.posterior.regular.likelihood import Likelihood
@@ -57,7 +57,7 @@ class RegularDraws:
 
     def commonest(self) -> int:
         """Return the outline that the others overlap best."""
-        return int(np.argmax(column_iou(self.ends[:, None], self.ends[None]).sum(axis=1)))
+        return int(np.argmax(pairwise_column_iou(self.ends).sum(axis=1)))
 
     def outline(self, best: int) -> FamilyOutline:
         """Return one of the outlines as a model; the others at the same parts of their extents tell how sure it is."""
