@@ -42,7 +42,7 @@ from tacstrip.reconstruction.posterior.assessment import (
     doubts_of_rounded,
 )
 from tacstrip.reconstruction.posterior.draws import Draws
-from tacstrip.reconstruction.posterior.regular import RegularDraws
+from tacstrip.reconstruction.posterior.regular.draws import RegularDraws
 from tacstrip.reconstruction.posterior.rounded import RoundedDraws
 
 ONE = ("kh", "kl", "k")

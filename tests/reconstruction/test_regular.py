@@ -11,16 +11,12 @@ import tacstrip as ts
 from tacstrip.core.binding import exported
 from tacstrip.core.problem import FitProblem
 from tacstrip.reconstruction.posterior.family_outline import FamilyOutline
-from tacstrip.reconstruction.posterior.regular import (
-    _KINDS,
-    _NUMBERS,
-    _Outlines,
-    _Ovals,
-    _Polygons,
-    _sampled,
-    _Seen,
-    draw_regular,
-)
+from tacstrip.reconstruction.posterior.regular.draws import draw_regular
+from tacstrip.reconstruction.posterior.regular.kinds import KINDS, NUMBERS, Outlines
+from tacstrip.reconstruction.posterior.regular.likelihood import Likelihood
+from tacstrip.reconstruction.posterior.regular.ovals import Ovals
+from tacstrip.reconstruction.posterior.regular.polygons import Polygons
+from tacstrip.reconstruction.posterior.regular.sampler import sampled
 
 SENSOR = ts.Sensor(construction="crs-m", strips=30, pitch_mm=4.0, length_mm=100.0, contact_lambda_mm=1.0)
 NOISE = ts.Noise(positional=0.002)
@@ -40,7 +36,7 @@ def _window(problem: FitProblem) -> tuple[float, float, float, float]:
     return -half, half, 1.0 - half, 1.0 + half
 
 
-def _held(shape: shapely.Polygon, own: _Polygons | _Ovals) -> None:
+def _held(shape: shapely.Polygon, own: Polygons | Ovals) -> None:
     """Hold box and ends of the first of some outlines to a polygon's."""
     left, low, right, high = shape.bounds
     np.testing.assert_allclose([float(v[0]) for v in own.box], [left, right, low, high], atol=2e-3)
@@ -53,43 +49,43 @@ def _held(shape: shapely.Polygon, own: _Polygons | _Ovals) -> None:
 @pytest.mark.parametrize("radius", [0.0, 0.3, 0.6])
 def test_ends_of_turned_rounded_rectangles(radius: float) -> None:
     number = (radius / 0.6 + 0.4) / 1.5  # of the radius over the half height
-    z = np.full((1, _NUMBERS), 0.0)
+    z = np.full((1, NUMBERS), 0.0)
     z[0, [2, 3, 4]] = np.log(0.6 / 0.35) / np.log(0.35**-2), 0.15, number
     core = shapely.box(-1.0 + radius, -0.6 + radius, 1.0 - radius, 0.6 - radius) if radius < 0.6 else None
     core = core or shapely.LineString([(-0.4, 0.0), (0.4, 0.0)])
     shape = affinity.rotate(core.buffer(radius, quad_segs=64), 54.0, origin=(0, 0))
-    _held(shape, _Polygons.of(np.array([4]), z))
+    _held(shape, Polygons.of(np.array([4]), z))
 
 
 def test_ends_of_a_trapezoid() -> None:
-    z = np.zeros((1, _NUMBERS))
+    z = np.zeros((1, NUMBERS))
     z[0, [2, 3, 4, 5]] = 0.5, 0.6, 0.25, 0.5
     shape = shapely.Polygon([(-1, -1), (1, -1), (-0.3 + 0.6, 1), (-0.3, 1)])
-    _held(affinity.rotate(shape, 216.0, origin=(0, 0)), _Polygons.of(np.array([6]), z))
+    _held(affinity.rotate(shape, 216.0, origin=(0, 0)), Polygons.of(np.array([6]), z))
 
 
 @pytest.mark.parametrize("turn", [0.0, 0.2, 0.45, 0.7, 0.95])
 def test_ends_of_segments_and_ellipses(turn: float) -> None:
-    z = np.zeros((1, _NUMBERS))
+    z = np.zeros((1, NUMBERS))
     z[0, [2, 3, 4]] = 0.5, turn, 0.6
     disc = shapely.Point(0, 0).buffer(1.0, quad_segs=96)
     cut = shapely.clip_by_rect(disc, -2.0, -2.0, -0.6 + 1.5 * 0.6, 2.0)
-    _held(affinity.rotate(cut, 360.0 * turn, origin=(0, 0)), _Ovals.of(np.array([2]), z))
+    _held(affinity.rotate(cut, 360.0 * turn, origin=(0, 0)), Ovals.of(np.array([2]), z))
     ellipse = affinity.rotate(affinity.scale(disc, 1.0, np.sqrt(0.35)), 180.0 * turn, origin=(0, 0))
-    _held(ellipse, _Ovals.of(np.array([1]), z))
+    _held(ellipse, Ovals.of(np.array([1]), z))
 
 
 def test_the_evidence_is_the_integral_of_the_likelihood() -> None:
     """Of a disc, by its two ends, against their grid."""
     problem = _problem(DISC)
-    seen = _Seen.of(problem, _window(problem))
-    done, _ = _sampled(seen, np.random.default_rng(1), -np.inf)
+    likelihood = Likelihood.of(problem, _window(problem))
+    done, _ = sampled(likelihood, np.random.default_rng(1), -np.inf)
     (disc,) = [p.log_evidence for p in done if p.kind == 0 and not p.over]
     middles = (np.arange(120) + 0.5) / 120
-    z = np.zeros((120**2, _NUMBERS))
+    z = np.zeros((120**2, NUMBERS))
     z[:, 0], z[:, 1] = np.repeat(middles, 120), np.tile(middles, 120)
-    every = _Outlines(np.zeros(len(z), dtype=np.int64), np.zeros(len(z), dtype=bool), z)
-    log, misfit, _ = seen.weighed(every)
+    every = Outlines(np.zeros(len(z), dtype=np.int64), np.zeros(len(z), dtype=bool), z)
+    log, misfit, _ = likelihood.weighed(every)
     exponent = log - misfit
     assert disc == pytest.approx(exponent.max() + np.log(np.exp(exponent - exponent.max()).mean()), abs=0.7)
 
@@ -100,7 +96,7 @@ def test_a_disc_is_found_and_a_pentagon_is_none_of_them() -> None:
     assert found.misfit < 2.0
     assert found.advantage > -25.0
     outline = found.outline(found.commonest())
-    assert outline.kind in _KINDS
+    assert outline.kind in KINDS
     ring = np.concatenate([(c := outline.chains_mm(problem))[0], c[1][::-1]])
     shape = shapely.Polygon(ring)
     assert shape.intersection(DISC).area / shape.union(DISC).area > 0.9

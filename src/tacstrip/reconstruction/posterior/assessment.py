@@ -15,12 +15,12 @@ from tacstrip.core.outline_model import OutlineModel
 from tacstrip.core.posterior import vertex_counts
 from tacstrip.core.swept_area import NEARLY_ALL, swept_areas, swept_share
 from tacstrip.errors import OptionError, one_of
-from tacstrip.geometry.metrics import column_iou
+from tacstrip.geometry.metrics import column_iou, pairwise_column_iou
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.polygon.run import MOST_SIGMA, RunFit
 from tacstrip.reconstruction.posterior.draws import Draws, column_ends, columns, draw
 from tacstrip.reconstruction.posterior.family_outline import FamilyOutline
-from tacstrip.reconstruction.posterior.regular import RegularDraws, draw_regular
+from tacstrip.reconstruction.posterior.regular.draws import RegularDraws, draw_regular
 from tacstrip.reconstruction.posterior.rounded import RoundedDraws, draw_rounded
 from tacstrip.reconstruction.result import Alternative
 from tacstrip.sensor.spec import Sensor
@@ -148,7 +148,7 @@ def assess(
     own, one = drawn.overlap(ends) >= PROMISED_IOU, len(run.problem.k) == 1
     confidence = float(own @ drawn.weight)
     better: OutlineModel | None = None
-    every = column_iou(drawn.ends[:, None], drawn.ends[None])
+    every = pairwise_column_iou(drawn.ends)
     rivals = None
     free = area_mm2 is None and known_count is None
     if one and effort == "thorough" and free and run.problem.x.size >= ENOUGH_STRIPS:

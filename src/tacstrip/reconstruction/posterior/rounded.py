@@ -17,7 +17,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.core.problem import FitProblem
-from tacstrip.geometry.metrics import column_iou
+from tacstrip.geometry.metrics import column_iou, pairwise_column_iou
 from tacstrip.reconstruction.posterior.family_outline import ROUNDED, FamilyOutline
 from tacstrip.sensor.closed_form import width_from_ideal
 
@@ -128,7 +128,7 @@ class RoundedDraws:
 
     def commonest(self) -> int:
         """Return the outline that the others overlap best."""
-        return int(np.argmax(column_iou(self.ends[:, None], self.ends[None]) @ self.weight))
+        return int(np.argmax(pairwise_column_iou(self.ends) @ self.weight))
 
     def outline(self, best: int, lam: float) -> FamilyOutline:
         """Return one of the outlines as a model; `lam`: the transfer length over L."""
@@ -273,7 +273,9 @@ def _heights(part: FloatArray, chains: FloatArray) -> tuple[FloatArray, FloatArr
     found = []
     for chain in (chains[:, :_NORMALS], chains[:, _NORMALS:]):
         x, y = chain[..., 0], chain[..., 1]
-        edge = (part[:, :, None] >= x[:, None, 1:-1]).sum(axis=-1)
+        edge = np.zeros(part.shape, dtype=np.uint8)
+        for corner in x.T[1:-1]:  # one after the other: all at once would leave the cache
+            edge += part >= corner[:, None]
         (x0, x1), (y0, y1) = ([np.take_along_axis(v, edge + i, axis=1) for i in (0, 1)] for v in (x, y))
         run = x1 - x0
         found.append(y0 + (y1 - y0) * np.clip((part - x0) / np.where(run > 0.0, run, 1.0), 0.0, 1.0))
@@ -299,9 +301,11 @@ def _outlines(family: IntArray, numbers: FloatArray) -> FloatArray:
         of = np.flatnonzero(family == i)
         x[of], y[of] = points(c[of], s[of], flat[of], numbers[of, 3:])
     c, s = np.cos(turn), np.sin(turn)
-    found = np.stack([x * c - y * s, x * s + y * c], axis=2)
-    low, high = found.min(axis=1, keepdims=True), found.max(axis=1, keepdims=True)
-    return np.asarray((found - low) / (high - low) - (0.0, 0.5))
+    x, y = x * c - y * s, x * s + y * c
+    x, y = (
+        (v - (low := v.min(axis=1, keepdims=True))) / (v.max(axis=1, keepdims=True) - low) for v in (x, y)
+    )
+    return np.stack([x, y - 0.5], axis=2)
 
 
 # Families: the points (K, 80) whose outward normals are c, s, by the axes' ratio (K, 1) and numbers from 0 to 1.

@@ -1,0 +1,1 @@
+"""Regular outlines that explain the readings of one signature: see `draws.py`."""

@@ -1,0 +1,42 @@
+"""Kinds of regular outlines, and the numbers that make one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from tacstrip.arrays import BoolArray, FloatArray, IntArray
+
+Floats: TypeAlias = npt.NDArray[np.floating[Any]]  # of the precision that is enough
+
+KINDS = (
+    "like a disc",
+    "like an ellipse",
+    "like a segment of a disc",
+    "like an upright rectangle",
+    "like a rectangle",
+    "like an upright trapezoid",
+    "like a trapezoid",
+)
+DISC, ELLIPSE, SEGMENT, UPRIGHT, RECTANGLE, TRAPEZOID, TURNED = range(7)
+FREE = (0, 2, 2, 2, 3, 3, 4)  # numbers that make one, besides its ends
+# Numbers uniform in 0 to 1: the ends, ratio of the axes, turn, two of the kind, and which part is over which border.
+NUMBERS = 8
+LEFT, RIGHT, RATIO, TURN, FIRST, SECOND, PART, BORDER = range(NUMBERS)
+FLATTEST = 0.35  # ratio of the axes
+
+
+@dataclass(frozen=True, eq=False)
+class Outlines:
+    """Outlines by kind (K,), whether over a border (K,), and their numbers (K, 8)."""
+
+    kind: IntArray
+    over: BoolArray
+    z: FloatArray
+
+    def at(self, which: IntArray) -> Outlines:
+        """Return some of them."""
+        return Outlines(self.kind[which], self.over[which], self.z[which])
