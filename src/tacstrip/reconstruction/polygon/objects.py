@@ -25,6 +25,7 @@ from tacstrip.reconstruction.noise_covariance import (
     correlated,
     signature_advice,
 )
+from tacstrip.reconstruction.pieces.pair import Pair
 from tacstrip.reconstruction.polygon.faulty_channel import contradictory
 from tacstrip.reconstruction.polygon.goodness_of_fit import (
     explains,
@@ -146,44 +147,31 @@ def reconstruct_object(
             return _places(scan, sensor, strips, noise, notes)
         raw = _raw_profile(scan, sensor, strips)
         return RecoveredObject(strips, profile=raw, status="too few strips", advice="; ".join([few, *notes]))
-    distribution = None if noise is None else noise.distribution if noise.independent else "normal"
     fit, faint = _chosen(run, noise is not None)
     model: OutlineModel = fit
     if run.model is not None and not isinstance(run.model, PolygonFit):
         model, faint = run.model, False
     in_mm = run.model_mm if model is run.model else ModelInMm.of(model, run.problem)
-    lower, upper = in_mm.lower, in_mm.upper
     if in_mm.height <= _THIN * sensor.length_mm:
         line = "neither a corner nor a width could be distinguished from noise: a line, given as its profile"
-        profile = (x, np.interp(x, *lower.T), np.interp(x, *upper.T))
+        profile = (x, np.interp(x, *in_mm.lower.T), np.interp(x, *in_mm.upper.T))
         return RecoveredObject(
             strips, profile=profile, status="too few transitions", advice="; ".join([line, *notes])
         )
-    outline = Outline.held(lower, upper)
-    covariance = in_mm.covariance
-    if covariance is None:
-        covariance = model.covariance(run.problem, sensor)
-    guarantee, empty = None, False
-    many = noise is not None and bounded and model is fit and fit.n_vertices > _CORNERS
-    if noise is not None and bounded and not (faint or many) and model is fit:
-        guarantee, empty = _bounded(scan, sensor, contact, noise, outline, covariance)
-        if guarantee is not None:
-            outline, covariance = guarantee.outline, guarantee.region_covariance
-    errors = _errors(scan, sensor, contact, noise, outline)
-    slopes = covariance
-    if errors is not None and guarantee is None:
-        slopes = _by_slopes(model, run, sensor, covariance)
-    wrong = misfit(run, distribution, slopes, errors) or (_EMPTY if empty else _MANY if many else "")
+    given, unbounded = _Estimate.of(contact, sensor, scan, noise, model, in_mm), ""
+    if bounded and noise is not None and model is fit:
+        given, unbounded = given.within_bound(contact, sensor, scan, noise, faint)
+    distribution = None if noise is None else noise.distribution if noise.independent else "normal"
+    wrong = misfit(run, distribution, given.slopes, given.errors) or unbounded
     asked = wrong or np.count_nonzero(run.excluded)
-    convex = one_convex(run, distribution, outline, sensor, contact.readings) if asked else None
-    wrong, pair = second_look(run, distribution, outline, sensor, wrong, contact.readings, convex)
+    convex = one_convex(run, distribution, given.outline, sensor, contact.readings) if asked else None
+    wrong, pair = second_look(run, distribution, given.outline, sensor, wrong, contact.readings, convex)
     beyond = beyond_outline(run, contact.readings)
-    railed = beyond & at_a_rail(run, contact.readings) if beyond.any() else beyond
     assessed = assess(
         run,
         sensor,
-        outline,
-        covariance,
+        given.outline,
+        given.covariance,
         noise is not None,
         effort,
         area_mm2,
@@ -191,28 +179,18 @@ def reconstruct_object(
         int(np.count_nonzero(beyond)),
     )
     if assessed.better is not None:
-        model, guarantee, faint = assessed.better, None, False
-        outline, covariance = Outline(*model.chains_mm(run.problem)), model.covariance(run.problem, sensor)
-        errors = _errors(scan, sensor, contact, noise, outline)
-        slopes = covariance if errors is None else _by_slopes(model, run, sensor, covariance)
-    if errors is not None:
-        with np.errstate(invalid="ignore"):  # what nothing tells is infinite in both
-            loose = positive_part(np.nan_to_num(covariance - slopes, nan=0.0, posinf=0.0, neginf=0.0))
-        covariance = errors.propagated(slopes) + loose
+        faint, given = False, _Estimate.of(contact, sensor, scan, noise, assessed.better)
+    outline, covariance = given.outline, given.propagated()
     second = signature_advice(sensor) if len(run.problem.k) == 1 else ""
     never = bool(second) and few_strips(run)
     averaging = "" if never else averaging_advice(noise, sensor, Averaging.of(scan))
     weak = (
         _FAINT.format(", or ".join(filter(None, (averaging, second or "use finer strips"))))
         if faint
-        else weakness(run, model, outline.vertices, covariance, averaging, second, noise is not None)
+        else weakness(run, given.model, outline.vertices, covariance, averaging, second, noise is not None)
     )
     uncounted = _uncounted(contact, fit, assessed, noise is not None, second)
-    if (
-        assessed.explained
-        and len(run.problem.k) == 1
-        and (contact.known_count is None or assessed.better is not None)
-    ):
+    if assessed.explained and second and (contact.known_count is None or assessed.better is not None):
         # Outlines that the fit did not find explain the readings, and the confidence counts them: for what it is
         # worth where nobody knows the noise.
         remedies = ", ".join(filter(None, (second, averaging)))
@@ -225,41 +203,37 @@ def reconstruct_object(
     confidence, alternatives = assessed.confidence if explained else None, assessed.alternatives
     note = ""
     if pair is not None:
-        one = 1.0 - pair.probability
-        sure = one if confidence is None else one * confidence
-        confidence = None if confidence is None else sure
-        two = Alternative(pair.probability, pair.lower, others=(pair.upper,))
-        rest = (replace(a, weight=a.weight * one) for a in alternatives)
-        alternatives = tuple(sorted((two, *rest), key=lambda a: -a.weight))
+        confidence, alternatives, sure = _beside_pair(pair, confidence, alternatives)
         if not wrong:
             right = pair.overlap(outline.vertices) >= PROMISED_IOU
             wrong, note = _two_objects(pair.probability, right, sure)
-    faulty = np.zeros_like(run.excluded)
-    if convex is not None:
-        faulty = convex
-        notes = _notes(scan, sensor, contact, around, noise is not None, faulty, convex=True)
-    elif (
-        not wrong and (faulty := contradictory(run, sensor, contact.readings) | railed).any()
-    ):  # else it may be the outline
-        notes = _notes(scan, sensor, contact, around, noise is not None, faulty)
-    rounded = isinstance(model, FamilyOutline) and model.kind == ROUNDED
-    of_one = ENOUGH if rounded else ENOUGH_OF_ONE.get(effort, ENOUGH)
-    of_both = ENOUGH_OF_FEW if few_strips(run) else ENOUGH
-    enough = of_both if not second else _NEVER if never else of_one
+    faulty = np.zeros_like(run.excluded) if convex is None else convex
+    if convex is None and not wrong:  # else it may be the outline
+        faulty = contradictory(run, sensor, contact.readings)
+        if beyond.any():
+            faulty = faulty | beyond & at_a_rail(run, contact.readings)
+    if convex is not None or faulty.any():
+        notes = _notes(scan, sensor, contact, around, noise is not None, faulty, convex=convex is not None)
     status, advice = _verdict(
-        wrong, weak, assessed, effort, second, averaging, area_mm2 is not None, enough, of_one
+        wrong,
+        weak,
+        assessed,
+        effort,
+        second,
+        averaging,
+        area_mm2 is not None,
+        *_enough(run, given.model, effort, second),
     )
-    profile = (x, np.interp(x, *outline.lower.T), np.interp(x, *outline.upper.T))
     return RecoveredObject(
         strips,
         outline.vertices.copy(),
-        profile,
+        (x, np.interp(x, *outline.lower.T), np.interp(x, *outline.upper.T)),
         covariance,
         status,
         "; ".join(filter(None, [*advice, note, *notes])),
-        guarantee=guarantee,
-        uniform=_upright(outline, covariance, sensor) if isinstance(model, PolygonFit) else (),
-        model=None if isinstance(model, PolygonFit) else type(model),
+        guarantee=given.guarantee,
+        uniform=_upright(outline, covariance, sensor) if isinstance(given.model, PolygonFit) else (),
+        model=None if isinstance(given.model, PolygonFit) else type(given.model),
         confidence=confidence,
         alternatives=alternatives,
         faulty=tuple(
@@ -267,6 +241,83 @@ def reconstruct_object(
             for s, i in np.argwhere(faulty)
         ),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Estimate:
+    """An outline of a contact, and how well it is known.
+
+    Attributes
+    ----------
+    model, outline
+        In strips and lengths, and in mm.
+    covariance
+        Of its vertices, as of independent errors.
+    errors
+        Those of the readings, where they are not independent.
+    slopes
+        The covariance of which such errors are propagated: by slopes at the estimate, as they are.
+    guarantee
+        What the noise's bound leaves, which took the place of least squares.
+    """
+
+    model: OutlineModel
+    outline: Outline
+    covariance: FloatArray
+    errors: CorrelatedErrors | None
+    slopes: FloatArray
+    guarantee: Bounded | None = None
+
+    @classmethod
+    def of(
+        cls, contact: FittedContact, sensor: Sensor, scan: Scan, noise: Noise | None, model: OutlineModel,
+        in_mm: ModelInMm | None = None,
+    ) -> _Estimate:  # fmt: skip
+        """Return the estimate of least squares, or another outline that was drawn."""
+        run = contact.run
+        if in_mm is None:
+            outline, scaled = Outline(*model.chains_mm(run.problem)), None
+        else:
+            outline, scaled = Outline.held(in_mm.lower, in_mm.upper), in_mm.covariance
+        covariance = model.covariance(run.problem, sensor) if scaled is None else scaled
+        errors = _errors(scan, sensor, contact, noise, outline)
+        slopes = covariance if errors is None else _by_slopes(model, run, sensor, covariance)
+        return cls(model, outline, covariance, errors, slopes)
+
+    def within_bound(
+        self, contact: FittedContact, sensor: Sensor, scan: Scan, noise: Noise, faint: bool
+    ) -> tuple[_Estimate, str]:
+        """Return what the noise's bound leaves, or the same; and why the latter, where that is a doubt."""
+        if isinstance(self.model, PolygonFit) and self.model.n_vertices > _CORNERS:
+            return self, _MANY
+        if faint:
+            return self, ""
+        guarantee, empty = _bounded(scan, sensor, contact, noise, self.outline, self.covariance)
+        if guarantee is None:
+            return self, _EMPTY if empty else ""
+        outline, covariance = guarantee.outline, guarantee.region_covariance
+        errors = _errors(scan, sensor, contact, noise, outline)
+        return _Estimate(self.model, outline, covariance, errors, covariance, guarantee), ""
+
+    def propagated(self) -> FloatArray:
+        """Return the covariance of the readings' errors, whether independent or not."""
+        if self.errors is None:
+            return self.covariance
+        with np.errstate(invalid="ignore"):  # what nothing tells is infinite in both
+            off = np.nan_to_num(self.covariance - self.slopes, nan=0.0, posinf=0.0, neginf=0.0)
+        return self.errors.propagated(self.slopes) + positive_part(off)
+
+
+def _enough(run: RunFit, model: OutlineModel, effort: Effort, second: str) -> tuple[float, float]:
+    """Return the least confidence of an "ok", and that of one signature on more strips.
+
+    `second` is what to do about a second signature, "" where both are read.
+    """
+    rounded = isinstance(model, FamilyOutline) and model.kind == ROUNDED
+    of_one = ENOUGH if rounded else ENOUGH_OF_ONE.get(effort, ENOUGH)
+    if second:
+        return (_NEVER if few_strips(run) else of_one), of_one
+    return (ENOUGH_OF_FEW if few_strips(run) else ENOUGH), of_one
 
 
 _OTHERS = (
@@ -305,6 +356,18 @@ def _other_area(outline: Outline, covariance: FloatArray, area_mm2: tuple[float,
     if abs(area - mean) <= _FAR_AREA * math.hypot(sigma, own):
         return ""
     return f"the area given, {mean:.4g} mm2, contradicts the readings, which say {area:.4g} mm2: check both"
+
+
+def _beside_pair(
+    pair: Pair, confidence: float | None, alternatives: tuple[Alternative, ...]
+) -> tuple[float | None, tuple[Alternative, ...], float]:
+    """Return what is left of a confidence beside two objects, alternatives with these, and the former as a number."""
+    one = 1.0 - pair.probability
+    sure = one if confidence is None else one * confidence
+    two = Alternative(pair.probability, pair.lower, others=(pair.upper,))
+    rest = (replace(a, weight=a.weight * one) for a in alternatives)
+    ordered = tuple(sorted((two, *rest), key=lambda a: -a.weight))
+    return None if confidence is None else sure, ordered, sure
 
 
 def _two_objects(probability: float, right: bool, confidence: float) -> tuple[str, str]:
