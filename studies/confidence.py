@@ -120,9 +120,9 @@ def judge(one: Case, effort: Effort, area: bool = False) -> Judged:
     def noted(expected: float, run: RunFit, model: OutlineModel, *given: Any) -> Doubts:
         return note(doubts(expected, run, model, *given), model.chains_mm(run.problem))
 
-    def noted_rounded(rounded: RoundedDraws, best: int, drawn: Draws, corners: float) -> Doubts:
+    def noted_rounded(rounded: RoundedDraws, best: int, drawn: Draws, *given: Any) -> Doubts:
         outline = rounded.outline(best, drawn.problem.lam)
-        return note(doubts_of_rounded(rounded, best, drawn, corners), outline.chains_mm(drawn.problem))
+        return note(doubts_of_rounded(rounded, best, drawn, *given), outline.chains_mm(drawn.problem))
 
     def noted_regular(regular: RegularDraws, best: int, run: RunFit, *given: Any) -> Doubts:
         chains = regular.outline(best).chains_mm(run.problem)

@@ -47,7 +47,6 @@ from tacstrip.reconstruction.posterior.assessment import (
     assess,
     few_strips,
 )
-from tacstrip.reconstruction.posterior.family_outline import ROUNDED, FamilyOutline
 from tacstrip.reconstruction.result import Alternative, Profile, RecoveredObject, Status
 from tacstrip.reconstruction.set_membership.edge_lines import ReadingBounds
 from tacstrip.reconstruction.set_membership.estimate import Bounded, fewest
@@ -194,7 +193,8 @@ def reconstruct_object(
         # Outlines that the fit did not find explain the readings, and the confidence counts them: for what it is
         # worth where nobody knows the noise.
         remedies = ", ".join(filter(None, (second, averaging)))
-        wrong = "" if noise is not None else uncounted or _OTHERS.format(100.0 * run.sigma, remedies)
+        others = uncounted or _OTHERS.format(100.0 * run.sigma, remedies)
+        wrong = "" if noise is not None or assessed.better_explains else others
     wrong = wrong or uncounted
     if area_mm2 is not None and not wrong:
         wrong = _other_area(outline, covariance, area_mm2, (len(x) + 1) * sensor.pitch_mm * sensor.length_mm)
@@ -222,7 +222,7 @@ def reconstruct_object(
         second,
         averaging,
         area_mm2 is not None,
-        *_enough(run, given.model, effort, second),
+        *_enough(run, effort, second),
     )
     return RecoveredObject(
         strips,
@@ -308,13 +308,12 @@ class _Estimate:
         return self.errors.propagated(self.slopes) + positive_part(off)
 
 
-def _enough(run: RunFit, model: OutlineModel, effort: Effort, second: str) -> tuple[float, float]:
+def _enough(run: RunFit, effort: Effort, second: str) -> tuple[float, float]:
     """Return the least confidence of an "ok", and that of one signature on more strips.
 
     `second` is what to do about a second signature, "" where both are read.
     """
-    rounded = isinstance(model, FamilyOutline) and model.kind == ROUNDED
-    of_one = ENOUGH if rounded else ENOUGH_OF_ONE.get(effort, ENOUGH)
+    of_one = ENOUGH_OF_ONE.get(effort, ENOUGH)
     if second:
         return (_NEVER if few_strips(run) else of_one), of_one
     return (ENOUGH_OF_FEW if few_strips(run) else ENOUGH), of_one

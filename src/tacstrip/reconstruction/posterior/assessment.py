@@ -16,6 +16,7 @@ from tacstrip.core.posterior import vertex_counts
 from tacstrip.core.swept_area import NEARLY_ALL, swept_areas, swept_share
 from tacstrip.errors import OptionError, one_of
 from tacstrip.geometry.metrics import column_iou, pairwise_column_iou
+from tacstrip.geometry.moments import moments
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.polygon.run import MOST_SIGMA, RunFit
 from tacstrip.reconstruction.posterior.draws import Draws, column_ends, columns, draw
@@ -32,7 +33,7 @@ PROMISED_IOU = 0.8  # of an outline that is "ok" with the true one
 ENOUGH = 0.77  # confidence of the least certain "ok": all of them together are right in 95 of 100 cases
 ENOUGH_OF_FEW = 0.85  # with both signatures on fewer than `ENOUGH_STRIPS`: many are hardly surer
 # With one signature, where many are hardly surer than that.
-ENOUGH_OF_ONE: Mapping[Effort, float] = {"thorough": 0.65, "fast": 0.52}
+ENOUGH_OF_ONE: Mapping[Effort, float] = {"thorough": 0.68, "fast": 0.52}
 _EVALUATIONS = {"thorough": 240_000, "fast": 14_000}
 # Both signatures on fewer strips leave outlines of more corners open, which so few draws would miss.
 _HELD_STRIPS, _EVALUATIONS_OF_FEW = 5, 56_000
@@ -47,10 +48,12 @@ _ROUNDED, _REGULAR = "rounded", "regular"
 _ODDS: dict[str, dict[str, tuple[float, ...]]] = {
     "thorough": {
         _FEW: (-2.307, 1.368, 0.4, -0.211),
-        _POLYGON + _RIVALS: (-2.985, 0.185, -0.315, -1.118, -18.96, 0.248, 0.466, 1.170, -0.362, -0.123),
-        _ELLIPSE + _RIVALS: (-1.623, 0.465, 0.380, 0.169, -3.056, 3.811, 0.386, 0.626, 0.308, -0.123),
-        _REGULAR: (-3.935, 0.650, 0.373, 0.603, 0.407, -0.495, -0.159, -13.56),
-        _ROUNDED: (-3.841, 0.976, -0.258, 0.965, 0.181),
+        _POLYGON + _RIVALS: (
+            *(-3.183, 0.253, -0.293, -1.091, -26.92, 0.236, 0.388, 1.441, -0.283, -0.143, 0.213, -0.025),
+        ),
+        _ELLIPSE + _RIVALS: (-2.419, 0.168, 0.395, -0.279, -1.850, 2.308, 0.366, 0.909, 0.333, -0.274),
+        _REGULAR: (-3.705, 0.848, -0.324, 0.592, 0.639, -0.422, -0.208, -5.146, -0.285, 0.149),
+        _ROUNDED: (-3.338, 0.454, -0.322, 0.785, 0.104, 0.642, 1.604, 0.406),
         _POLYGON: (-1.957, 1.436, -0.346, -1.141, -30.5),
         _ELLIPSE: (-8.726, 2.087, 1.242, -3.0, -1.243),
     },
@@ -63,6 +66,7 @@ _ODDS: dict[str, dict[str, tuple[float, ...]]] = {
 _PLAIN, _MANY = 5, 7  # corners that are no doubt, and how many more of them count
 _LEAST = 0.02  # expected IoU that none counts as
 _MISFITS = (0.5, 300.0)  # of the best rounded outline, beyond which it tells no more
+_SLENDEREST = 0.01  # ratio of the axes, below which it tells no more
 _WORST = -60.0  # advantage of regular outlines, below which it tells no more
 _SQUARES = (0.3, 3.0)  # of the residuals a degree of freedom, likewise
 _SHORT = (
@@ -90,12 +94,15 @@ class Assessment:
         Whether outlines drawn leave no more of the readings than noise does, even if the estimate does.
     better
         An outline that overlaps what the true one may be better than the estimate does; then `confidence` is its.
+    better_explains
+        Whether that one leaves no more of the readings than noise does, or, where nobody knows the noise, than the fit.
     """
 
     confidence: float | None = None
     alternatives: tuple[Alternative, ...] = ()
     better: OutlineModel | None = None
     explained: bool = False
+    better_explains: bool = False
 
 
 def check_effort(assessment: str) -> None:
@@ -148,6 +155,7 @@ def assess(
     own, one = drawn.overlap(ends) >= PROMISED_IOU, len(run.problem.k) == 1
     confidence = float(own @ drawn.weight)
     better: OutlineModel | None = None
+    misfit = math.inf  # of a better one
     every = pairwise_column_iou(drawn.ends)
     rivals = None
     free = area_mm2 is None and known_count is None
@@ -180,22 +188,24 @@ def assess(
         if rivals is not None:
             rounded, regular = rivals
             best = regular.commonest()
-            told_by = doubts_of_regular(regular, best, run, ends, rounded, faults)
+            told_by = doubts_of_regular(regular, best, run, ends, rounded, corners, faults)
             if not isinstance(better or run.model, Ellipse):
                 middle = rounded.commonest()
-                of_rounded = doubts_of_rounded(rounded, middle, drawn, corners)
+                of_rounded = doubts_of_rounded(rounded, middle, drawn, corners, regular)
                 if (surer := of_rounded.probability(effort)) > confidence + _ROUNDED_BETTER:
                     confidence, better = surer, rounded.outline(middle, drawn.problem.lam)
                     own = drawn.overlap(rounded.ends[middle]) >= PROMISED_IOU
             surer = told_by.probability(effort)
             if surer * (1.0 - confidence) > _REGULAR_BETTER * confidence * (1.0 - surer):
                 confidence, better = surer, regular.outline(best)
-                own = drawn.overlap(regular.ends[best]) >= PROMISED_IOU
+                own, misfit = drawn.overlap(regular.ends[best]) >= PROMISED_IOU, regular.misfit
     # Chi square of the better half of the draws; that of normal errors exceeds its mean by 3.5 deviations in .02 %.
     readings = drawn.problem.readings
     allowed = readings + _ALARM * np.sqrt(2.0 * readings)
+    itself = allowed
     if not sigma_known:  # a fit that is off by more than any noise is no likeness, where draws are one
-        allowed = readings * (MOST_SIGMA / run.sigma) ** 2 if run.sigma > MOST_SIGMA else 0.0
+        itself = readings * min(MOST_SIGMA / run.sigma, 1.0) ** 2
+        allowed = itself if run.sigma > MOST_SIGMA else 0.0
     counted = drawn.weight[: len(drawn.samples.outlines)] > 0.0
     squares = drawn.samples.squares[counted] if counted.any() else drawn.samples.squares
     explained = float(np.median(squares)) < allowed
@@ -203,7 +213,8 @@ def assess(
     unlike = 1.0 if isinstance(better, FamilyOutline) else float(drawn.weight[~own].sum())
     rest = min(1.0, (1.0 - confidence) / unlike) if unlike > 0.0 else 0.0
     others = _alternatives(drawn, every >= PROMISED_IOU, own, rest)
-    return Assessment(confidence, others, better, bool(explained))
+    better_explains = misfit * readings < itself
+    return Assessment(confidence, others, better, explained or better_explains, better_explains)
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,42 +274,41 @@ def doubts(
     """
     odds, ellipse = _log_odds(expected), isinstance(model, Ellipse)
     if few_strips(run):
-        many = 0.0 if ellipse else min(max(corners - _PLAIN, 0.0), _MANY)
+        many = 0.0 if ellipse else max(_many(corners), 0.0)
         return Doubts(_FEW, np.array([1.0, odds, float(ellipse), many]))
     if ellipse:
         kind, better = _ELLIPSE, math.log1p(max(run.ellipse_advantage, 0.0))
         left = run.residual_sums[0] / max(run.freedom, 1)
         of = [1.0, odds, better, float(at_border), math.log(min(max(left, _SQUARES[0]), _SQUARES[1]))]
     else:
-        kind, many = _POLYGON, min(corners, _PLAIN + _MANY) - _PLAIN
-        there = ends[1] > ends[0]
+        kind, there = _POLYGON, ends[1] > ends[0]
         height = float(ends[1, there].max() - ends[0, there].min()) if there.any() else 0.0
-        of = [1.0, odds, many, height, _left_out(run, faults)]
+        of = [1.0, odds, _many(corners), height, _left_out(run, faults)]
     if rivals is not None:
         kind, (rounded, regular) = kind + _RIVALS, rivals
         of += [_misfit(rounded.misfit), _log_odds(float(rounded.weight @ rounded.overlap(ends)))]
-        # An overlap with outlines that hardly explain the readings tells little.
-        telling = math.exp(-0.5 * max(_misfit(regular.misfit), 0.0))
-        alike = telling * _log_odds(float(regular.overlap(ends).mean()))
+        alike, unexplained = _likeness(regular, ends)
         of += [alike, _advantage(regular), math.log(run.sigma)]
+        # Where no regular one explains them, few corners are a polygon's, and many those of what is rounded.
+        if not ellipse:
+            of += [unexplained, unexplained * _many(corners)]
     return Doubts(kind, np.array(of))
 
 
-def doubts_of_rounded(rounded: RoundedDraws, best: int, drawn: Draws, corners: float) -> Doubts:
+def doubts_of_rounded(
+    rounded: RoundedDraws, best: int, drawn: Draws, corners: float, regular: RegularDraws
+) -> Doubts:
     """Return what tells whether one of the rounded outlines is right.
 
     How well others overlap it, what they leave of the readings, whether polygons and ellipses drawn overlap it, and how
-    many `corners` these take on average: what is rounded takes many.
+    many `corners` these take on average: what is rounded takes many. How slender it is; and whether regular outlines,
+    where they explain the readings, overlap it.
     """
-    among, across = (
-        rounded.overlap(rounded.ends[best]) @ rounded.weight,
-        drawn.overlap(rounded.ends[best]) @ drawn.weight,
-    )
-    many = min(corners, _PLAIN + _MANY) - _PLAIN
-    return Doubts(
-        _ROUNDED,
-        np.array([1.0, _log_odds(float(among)), _misfit(rounded.misfit), _log_odds(float(across)), many]),
-    )
+    one = rounded.ends[best]
+    overlaps = (rounded.overlap(one) @ rounded.weight, drawn.overlap(one) @ drawn.weight)
+    among, across = (_log_odds(float(o)) for o in overlaps)
+    of = [1.0, among, _misfit(rounded.misfit), across, _many(corners), _log_axis_ratio(one, drawn)]
+    return Doubts(_ROUNDED, np.array([*of, *_likeness(regular, one)]))
 
 
 def doubts_of_regular(
@@ -307,17 +317,22 @@ def doubts_of_regular(
     run: RunFit,
     ends: FloatArray,
     rounded: RoundedDraws,
+    corners: float,
     faults: int = 0,
 ) -> Doubts:
     """Return what tells whether one of the regular outlines is right.
 
     How well others, the estimate with its `ends` and rounded outlines overlap it, how likely regular outlines make the
-    readings, what these leave of them, how large the noise is, and which readings are left out.
+    readings, what these leave of them, how large the noise is, and which readings are left out. Where regular outlines
+    are hardly likelier than any others, an estimate that lies elsewhere tells that the readings leave the height open;
+    where polygons need many `corners`, it tells little.
     """
     one = regular.ends[best]
     overlaps = (regular.overlap(one).mean(), column_iou(one, ends), rounded.weight @ rounded.overlap(one))
-    of = [1.0, *(_log_odds(float(o)) for o in overlaps), _advantage(regular), math.log(run.sigma)]
-    return Doubts(_REGULAR, np.array([*of, _misfit(regular.misfit), _left_out(run, faults)]))
+    among, estimate, across = (_log_odds(float(o)) for o in overlaps)
+    advantage = _advantage(regular)
+    of = [1.0, among, estimate, across, advantage, math.log(run.sigma), _misfit(regular.misfit)]
+    return Doubts(_REGULAR, np.array([*of, _left_out(run, faults), advantage * estimate, _many(corners)]))
 
 
 def few_strips(run: RunFit) -> bool:
@@ -327,6 +342,30 @@ def few_strips(run: RunFit) -> bool:
 
 def _misfit(of_readings: float) -> float:
     return math.log(min(max(of_readings, _MISFITS[0]), _MISFITS[1]))
+
+
+def _many(corners: float) -> float:
+    return min(corners - _PLAIN, _MANY)
+
+
+def _likeness(regular: RegularDraws, ends: FloatArray) -> tuple[float, float]:
+    """Return how well regular outlines overlap another one, as log odds, and how much of the readings they leave.
+
+    An overlap with outlines that hardly explain the readings tells little.
+    """
+    unexplained = max(_misfit(regular.misfit), 0.0)
+    return math.exp(-0.5 * unexplained) * _log_odds(float(regular.overlap(ends).mean())), unexplained
+
+
+def _log_axis_ratio(ends: FloatArray, drawn: Draws) -> float:
+    """Return the logarithm of the shorter principal axis over the longer one of l and u (2, G) in the columns."""
+    there, problem = ends[1] > ends[0], drawn.problem
+    x, (lower, upper) = drawn.x[there] * problem.width_mm, ends[:, there] * problem.length_mm
+    chains = (np.stack([x, lower], axis=1), np.stack([x, upper], axis=1)[::-1])
+    xx, yy, xy = moments(np.concatenate(chains))[2]
+    whole, apart = xx + yy, math.hypot(xx - yy, 2.0 * xy)
+    ratio = (whole - apart) / (whole + apart) if whole > 0.0 else 0.0
+    return 0.5 * math.log(max(ratio, _SLENDEREST**2))
 
 
 def _advantage(regular: RegularDraws) -> float:
