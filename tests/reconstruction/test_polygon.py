@@ -184,9 +184,7 @@ def test_faulty_strips_are_named_and_do_no_harm(
     fault(readings)
     found = _only(_scan(readings), sensor, noise)
     assert said in found.advice
-    # Of k alone, with a noise that nobody gave, it is right both times, but just not sure enough (.63, .64).
-    sure = SURE if noise or fault not in (_stuck_twice, _slightly_off) else "doubtful"
-    assert found.status == ("ok" if sensor is CRS else sure)
+    assert found.status == ("ok" if sensor is CRS else SURE)
     assert _away(found, PENTAGON).max() < 4.5
 
 

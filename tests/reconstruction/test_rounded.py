@@ -9,7 +9,7 @@ import shapely
 import tacstrip as ts
 from tacstrip.core.binding import exported
 from tacstrip.core.problem import FitProblem
-from tacstrip.reconstruction.posterior.assessment import ENOUGH, ENOUGH_OF_ONE
+from tacstrip.reconstruction.posterior.assessment import ENOUGH_OF_ONE
 from tacstrip.reconstruction.posterior.family_outline import FamilyOutline
 from tacstrip.reconstruction.posterior.rounded import _library, draw_rounded
 
@@ -38,12 +38,11 @@ def test_outlines_of_the_families_are_convex_and_fill_a_unit_box() -> None:
 
 @needs_core
 def test_a_rounded_square_of_one_signature_is_recovered() -> None:
-    """Its best polygon has the same readings, 8 corners and less than half of its area; `ok` neither may be."""
+    """Its best polygon has the same readings, 8 corners and less than half of its area."""
     found = ts.fit_polygon(SCAN, SENSOR, NOISE).objects[0]
     assert found.model is FamilyOutline
-    assert found.status == "doubtful"
+    assert found.status == "ok"
     assert found.confidence is not None
-    assert found.confidence > 0.5
     assert ts.mismatch(CAP, found.vertices).iou > 0.8
     assert found.covariance is not None
     assert "looks rounded" in found.advice
@@ -51,21 +50,23 @@ def test_a_rounded_square_of_one_signature_is_recovered() -> None:
 
 
 @needs_core
-@pytest.mark.parametrize(("signature", "rng", "status"), [("kl", 1, "ok"), ("kh", 2, "doubtful")])
-def test_a_rounded_outline_is_ok_only_where_it_is_surer_than_a_polygon_need_be(
+@pytest.mark.parametrize(
+    ("signature", "rng", "status"), [("kl", 1, "ok"), ("kh", 2, "ok"), ("kl", 3, "doubtful")]
+)
+def test_a_rounded_outline_is_ok_where_it_is_as_sure_as_a_polygon_need_be(
     signature: str, rng: int, status: str
 ) -> None:
+    """A stadium: IoU .92 and .92, and .80 where it is doubted."""
     stadium = np.array(shapely.LineString([(30, 40), (70, 55)]).buffer(18, quad_segs=24).exterior.coords)[:-1]
     sensor = ts.Sensor(construction="crs-crs", strips=40, pitch_mm=2.5, length_mm=100.0)
     scan = ts.simulate(sensor, ts.Contact.polygon(stadium), NOISE, rng=rng)
     one = ts.Scan(kh=scan.kh) if signature == "kh" else ts.Scan(kl=scan.kl)
     found = ts.fit_polygon(one, sensor, NOISE).objects[0]
     assert found.model is FamilyOutline
-    assert ts.mismatch(stadium, found.vertices).iou > 0.9
     assert found.status == status
+    assert (ts.mismatch(stadium, found.vertices).iou > 0.9) == (status == "ok")
     assert found.confidence is not None
-    assert found.confidence > ENOUGH_OF_ONE["thorough"]
-    assert (found.confidence >= ENOUGH) == (status == "ok")
+    assert (found.confidence >= ENOUGH_OF_ONE["thorough"]) == (status == "ok")
 
 
 @needs_core
