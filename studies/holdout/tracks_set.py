@@ -17,6 +17,7 @@ import tacstrip as ts
 from studies.holdout.readings import Unit, white
 from studies.holdout.score import CLAIMS, FINAL, RIGHT
 from studies.holdout.shapes import Array, counter_clockwise
+from studies.holdout.tracks_bound import Told, at
 from tacstrip.errors import one_of
 
 _SIDE = 100.0  # of the sensor [mm]
@@ -84,6 +85,8 @@ class Scene:
     ----------
     outline, poses
         Of a rigid one (N, 2) [mm] and (T, 3), else None.
+    motion
+        Of `Row.motions`.
     read
         Readings (T, S, n) over Vref, NaN untouched.
     """
@@ -94,6 +97,7 @@ class Scene:
     curved: bool
     poses: Array
     read: Array
+    motion: str
 
     @property
     def scans(self) -> list[ts.Scan]:
@@ -162,7 +166,8 @@ def scene(name: str, seed: int, number: int) -> Scene:
     read = np.stack([unit.read(a, b) for a, b in zip(low, high, strict=True)])
     read = np.clip(read + _errors(read.shape, row, random), 0.0, 1.0)
     rigid = row.body == "rigid"
-    return Scene(unit, row, bodies[0] if rigid else None, kind in ("rounded", "ellipse"), ways[0], read)
+    curved = kind in ("rounded", "ellipse")
+    return Scene(unit, row, bodies[0] if rigid else None, curved, ways[0], read, motion)
 
 
 def _errors(shape: tuple[int, ...], row: Row, random: np.random.Generator) -> Array:
@@ -293,12 +298,7 @@ def _by_angle(outline: Array, places: int = 180) -> Array:
 
 
 def _posed(outlines: list[Array], way: Array) -> list[Array]:
-    return [_at(o, pose) for o, pose in zip(outlines, way, strict=True)]
-
-
-def _at(outline: Array, pose: Array) -> Array:
-    c, s = math.cos(pose[2]), math.sin(pose[2])
-    return np.asarray(outline @ np.array([[c, s], [-s, c]]) + pose[:2])
+    return [at(o, pose) for o, pose in zip(outlines, way, strict=True)]
 
 
 def _shares(outline: Array, least: float) -> bool:
@@ -317,39 +317,35 @@ def _overlap(a: Array, b: Array) -> float:
     return float(min(a[:, 0].max(), b[:, 0].max()) - max(a[:, 0].min(), b[:, 0].min()))
 
 
-def bound(of: Scene) -> Array:
-    """Return the Cramer-Rao covariance (2 N, 2 N) [mm^2] of a rigid outline's corners, by differences of readings.
+def told(of: Scene) -> Told:
+    """Return what a rigid scene tells: poses of one signature are known to be cubics in time, if they are, else free.
 
-    Offsets of channels, where the row has some, are unknowns of which their distribution is known.
+    No motion is smoother; two presses have a cubic each.
     """
     assert of.outline is not None
-    outline, step = of.outline, 1e-4
+    t, basis = np.linspace(-1.0, 1.0, len(of.poses)), np.eye(len(of.poses))
+    if len(of.unit.names) == 1 and of.motion not in ("presses", "along", "still"):
+        parts = [t < 0.0, t >= 0.0] if of.motion == "two presses" else [np.full(len(t), True)]
+        basis = np.hstack([np.vander(t, 4) * part[:, None] for part in parts])
+    shown, offset = ~np.isnan(of.read.reshape(len(t), -1)), _OFFSET * ("offsets" in of.row.noises)
+    return Told(of.unit, of.outline, of.poses, shown, of.row.level / math.sqrt(3.0), offset, basis)
 
-    def readings(corners: Array, poses: Array) -> Array:
-        return np.stack([of.unit.read(*of.unit.touched([_at(corners, p)])).ravel() for p in poses])
 
-    def slope(by_corners: Array, by_poses: Array) -> Array:
-        up, down = (readings(outline + s * by_corners, of.poses + s * by_poses) for s in (step, -step))
-        return np.nan_to_num((up - down) / (2.0 * step))
-
-    none = np.zeros((len(outline), 2))
-    poses = np.stack([slope(none, axis) for axis in np.eye(3)], axis=2)  # (T, M, 3)
-    shown = ~np.isnan(of.read.reshape(len(of.read), -1))
-    corners = np.stack([slope(axis.reshape(-1, 2), np.zeros(3)) for axis in np.eye(outline.size)], axis=2)
-    sigma, size = of.row.level / math.sqrt(3.0), of.outline.size
-    if "offsets" in of.row.noises:
-        corners = np.concatenate([corners, np.tile(np.eye(shown.shape[1]), (len(shown), 1, 1))], axis=2)
-    poses, corners = poses * shown[..., None], corners * shown[..., None]
-    own = poses.transpose(0, 2, 1) @ poses + 1e-12 * np.eye(3)
-    mixed = poses.transpose(0, 2, 1) @ corners
-    whole = np.einsum("tmi,tmj->ij", corners, corners) - np.einsum(
-        "tpi,tpj->ij", mixed, np.linalg.solve(own, mixed)
-    )
-    offsets = whole[size:, size:] + (sigma / _OFFSET) ** 2 * np.eye(len(whole) - size)
-    whole = whole[:size, :size] - whole[:size, size:] @ np.linalg.solve(offsets, whole[size:, :size])
-    value, vector = np.linalg.eigh(whole)
-    value, vector = value[3:], vector[:, 3:]  # moved and turned as a whole it is the same shape
-    return np.asarray(sigma**2 * (vector / np.maximum(value, 1e-9)) @ vector.T)
+def limits(name: str, scenes: list[Scene], mm: float, draws: int = 120) -> str:
+    """Return a row of the table of what scenes allow: bounds, and errors that no estimator is below on the whole."""
+    random, bounds, errors = np.random.default_rng(5), list[float](), list[Array]()
+    for of in (of for of in scenes if of.outline is not None and not of.curved):
+        known = told(of)
+        bounds.append(math.sqrt(known.cramer_rao().trace() / len(known.outline)))
+        off = known.draws(random, draws)
+        errors.append(np.sqrt(np.square(off - off.mean(axis=0)).sum(axis=2).mean(axis=1)))
+    cells = [name, str(len(bounds))]
+    for values, least in (
+        (np.array(bounds), np.array(bounds)),
+        (np.concatenate(errors), np.sqrt(np.square(errors).mean(axis=1))),
+    ):
+        cells += [f"{np.quantile(values, q):.3f}" for q in (0.5, 0.9)] + [f"{(least > mm).mean():.2f}"]
+    return "| " + " | ".join(cells) + " |"
 
 
 def judged(of: Scene) -> Verdict:
@@ -366,7 +362,7 @@ def judged(of: Scene) -> Verdict:
         return found
     shown = np.flatnonzero(one.present)
     overlaps = [
-        _iou(one.placed(int(i)), _at(of.outline, of.poses[i])) for i in shown[:: max(1, len(shown) // 12)]
+        _iou(one.placed(int(i)), at(of.outline, of.poses[i])) for i in shown[:: max(1, len(shown) // 12)]
     ]
     found.iou = float(np.median(overlaps)) if overlaps else 0.0
     found.counted = of.curved or len(one.outline) == len(of.outline)
@@ -375,7 +371,10 @@ def judged(of: Scene) -> Verdict:
         return found
     shift, moved = _onto(one.outline, of.outline)
     off = moved - (of.outline - of.outline.mean(axis=0))
-    found.rms, found.bound = math.sqrt((off**2).sum() / len(off)), math.sqrt(bound(of).trace() / len(off))
+    found.rms, found.bound = (
+        math.sqrt((off**2).sum() / len(off)),
+        math.sqrt(told(of).cramer_rao().trace() / len(off)),
+    )
     stated = 0.0 if one.covariance is None else math.sqrt(one.covariance.trace() / len(off))
     size = float(np.ptp(of.outline, axis=0).max())
     found.right &= found.rms <= max(_SIGMAS * stated, _TOLD * of.unit.pitch, _OF_SIZE * size)
@@ -397,7 +396,7 @@ def _onto(found: Array, true: Array) -> tuple[int, Array]:
     for shift in range(len(true)):
         a = np.roll(found - found.mean(axis=0), shift, axis=0)
         turn = -math.atan2((a[:, 0] * -b[:, 1] + a[:, 1] * b[:, 0]).sum(), (a * b).sum())
-        moved = _at(a, np.array([0.0, 0.0, turn]))
+        moved = at(a, np.array([0.0, 0.0, turn]))
         best = min(best, (float(((moved - b) ** 2).sum()), shift, moved), key=lambda p: p[0])
     return best[1], best[2]
 
@@ -417,7 +416,7 @@ def _shape_square(one: ts.Track, true: Array, shift: int) -> float:
 def _pose_square(one: ts.Track, of: Scene, shift: int, scan: int) -> float:
     """Return that of a pose: where the true outline lies in the track's frame."""
     assert of.outline is not None
-    true, own = _at(of.outline, of.poses[scan]), np.roll(one.placed(scan), shift, axis=0)
+    true, own = at(of.outline, of.poses[scan]), np.roll(one.placed(scan), shift, axis=0)
     a, b = own - own.mean(axis=0), true - true.mean(axis=0)
     turned = math.atan2((b[:, 0] * a[:, 1] - b[:, 1] * a[:, 0]).sum(), (a * b).sum())
     error = np.array([*(own.mean(axis=0) - true.mean(axis=0)), turned])
@@ -449,6 +448,10 @@ HEAD = (
     "| row | scenes | ok | likely | doubtful | silent wrong | right, doubted | count | RMS | p90 | over bound | p90 | "
     "95 % shape | poses | ms a scan |\n" + "| --- " * 15 + "|"
 )
+LIMITS = (
+    "| row | scenes | bound of the readings, median | p90 | above {mm:g} mm "
+    "| least error with touched strips, median | p90 | above {mm:g} mm |\n" + "| --- " * 8 + "|"
+)
 
 
 def main() -> None:
@@ -462,6 +465,12 @@ def main() -> None:
         "--seed", type=int, default=0, help=f"0 to 9 to tune; from {FINAL} on: once, at the end"
     )
     options.add_argument("--final", action="store_true", help=f"unlocks seeds from {FINAL} on")
+    options.add_argument(
+        "--limits",
+        type=float,
+        metavar="MM",
+        help="no tracks: what the scenes allow, and how often it is above so much",
+    )
     options.add_argument("--verbose", action="store_true", help="a line for every scene")
     given = options.parse_args()
     if given.seed >= FINAL and not given.final:
@@ -469,8 +478,12 @@ def main() -> None:
     rows = given.rows.split(";") if given.rows else list(ROWS)
     if unknown := [name for name in rows if name not in ROWS]:
         options.error(one_of("--rows", unknown[0], ROWS))
-    print(HEAD, flush=True)  # noqa: T201
+    print(HEAD if given.limits is None else LIMITS.format(mm=given.limits), flush=True)  # noqa: T201
     for name in rows:
+        if given.limits is not None:
+            scenes = [scene(name, given.seed, number) for number in range(given.scenes)]
+            print(limits(name, scenes, given.limits), flush=True)  # noqa: T201
+            continue
         found = []
         for number in range(given.scenes):
             of = scene(name, given.seed, number)

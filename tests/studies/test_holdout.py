@@ -8,7 +8,7 @@ import shapely
 from scipy.sparse import bmat, diags
 from scipy.sparse.linalg import spsolve
 
-from studies.holdout import cases, score, shapes, tracks_set
+from studies.holdout import cases, score, shapes, tracks_bound, tracks_set
 from studies.holdout.convexity import best_convex
 from studies.holdout.material import Press
 from studies.holdout.readings import Unit
@@ -145,3 +145,15 @@ def test_a_rigid_track_is_judged_by_the_truth() -> None:
     verdict = tracks_set.judged(of)
     assert (verdict.right, verdict.status) == (True, "ok")
     assert verdict.rms < 3.0 * verdict.bound
+
+
+def test_what_scans_tell_of_a_shape() -> None:
+    """Draws within bounds are a truncated normal distribution's; touched strips never tell less than nothing."""
+    drawn = tracks_bound._truncated(np.array([[1.0, 0.0]]), np.array([0.5]), np.random.default_rng(0), 1500)
+    assert drawn.max(axis=0)[0] <= 0.5 < drawn.max(axis=0)[1]
+    assert drawn.mean(axis=0) == pytest.approx([-0.509, 0.0], abs=0.07)  # of x < 0.5: - phi(0.5) / Phi(0.5)
+    assert drawn.var(axis=0) == pytest.approx([0.486, 1.0], rel=0.12)
+    known = tracks_set.told(tracks_set.scene("ten", 0, 2))
+    bound = known.cramer_rao().trace()
+    least = np.square(known.draws(np.random.default_rng(0), 60)).sum(axis=(1, 2)).mean()
+    assert 0.4 * bound < least < 1.2 * bound

@@ -108,6 +108,23 @@ def test_a_shape_is_recognised_and_its_end_is_told(monkeypatch: pytest.MonkeyPat
     assert np.isnan(known[8].pose).all()
 
 
+def test_a_jump_is_followed_and_another_shape_is_not() -> None:
+    """A recording in a loop: the object is back where it began, half round, from one scan to the next."""
+    sensor, poses = ten_strips(), sliding(40)
+    back = poses[:6] + np.array([0.0, 0.0, np.pi])
+    k = readings(pressed(sensor, CORNERS, np.concatenate([poses, back]), NOISE, 4))
+    fused = FixedLag(sensor, NAMES, SIGMA, OWN)
+    fused.begin(k[:30], of_mean(poses)[:30])
+    assert all(fused.add(row, 0.01 * i) for i, row in enumerate(k[30:]))
+    off = fused.pose - of_mean(back)[-1]
+    assert np.hypot(*off[:2]) < 1.0  # mm; the way back is 13
+    assert abs(np.angle(np.exp(1j * off[2]))) < 0.03
+    assert np.abs(fused.velocity[:2]).max() < 100.0  # mm/s; over the jump it would be 300
+    triangle = np.array([(-25.0, -20.0), (25.0, -20.0), (0.0, 28.0)])
+    others = readings(pressed(sensor, triangle, back, NOISE, 5))
+    assert not any(fused.add(row) for row in others)
+
+
 @pytest.mark.parametrize("lag", [5, 20])
 def test_what_left_the_window_makes_no_shape_too_sure(lag: int) -> None:
     """Over scenes: normalised errors are those of chi square, and the spread is that of all scans at once."""

@@ -83,7 +83,8 @@ def track_figure(sensor: Sensor, tracks: Sequence[Track]) -> Figure:
     way.set_title("paths over the sensor")
     shape.set(xlabel="x [mm]", ylabel="y [mm]", title="shapes, 95 % regions")
     pose.set(xlabel="time [s]", ylabel="[mm], and [deg] dotted", title="x, y and angle")
-    shared, marked = np.zeros(len(tracks[0].times_s) if tracks else 0, dtype=bool), False
+    shared = np.zeros(len(tracks[0].times_s) if tracks else 0, dtype=bool)
+    look: dict[str, Any]
     for one, colour, marker in _coloured(tracks):
         draw_polygon(shape, one.outline, colour, f"{one.id}: {one.status}", status=one.status)
         for other in one.alternatives:
@@ -98,13 +99,12 @@ def track_figure(sensor: Sensor, tracks: Sequence[Track]) -> Figure:
         for name, value, dashes in zip(("x", "y", "angle"), values, ("-", "--", ":"), strict=True):
             if name == "angle" and one.by_scan is not None:
                 continue  # no rigid outline explains the scans: none that turned
-            look: dict[str, Any] = {"color": colour, "linestyle": dashes, "marker": marker, "markersize": 3.0}
+            look = {"color": colour, "linestyle": dashes, "marker": marker, "markersize": 3.0}
             pose.plot(time, value, markevery=max(len(time) // 8, 1), label=f"{one.id}: {name}", **look)
-    for run in np.split(np.flatnonzero(shared), np.flatnonzero(np.diff(np.flatnonzero(shared)) > 1) + 1):
-        if len(run):
-            label = None if marked else "strips shared"
-            pose.axvspan(time[run[0]], time[run[-1]], color=SENSOR, zorder=0, label=label)
-            marked = True
+    if shared.any():  # as high as what is drawn, not up into the legend's room
+        pose.set_ylim(pose.get_ylim())
+        look = {"color": SENSOR, "linewidth": 0.0, "zorder": 0, "label": "strips shared"}
+        pose.fill_between(time, *pose.get_ylim(), where=shared, **look)
     for axes in (shape, pose):
         handles, labels = axes.get_legend_handles_labels()
         if labels:

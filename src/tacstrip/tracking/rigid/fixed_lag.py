@@ -16,7 +16,7 @@ from tacstrip.arrays import FloatArray
 from tacstrip.core.rigid import Prior, RigidScans, descend, equations, fit_poses, loss, reduced
 from tacstrip.reconstruction.polygon.goodness_of_fit import chi_square_score
 from tacstrip.sensor.spec import Sensor
-from tacstrip.tracking.rigid.corners import explained, jiggles
+from tacstrip.tracking.rigid.corners import explained, jiggles, poses_all_round
 from tacstrip.tracking.rigid.covariance import NEVER, covariances, information, rigid_motions
 
 LAG = 20  # scans that keep free poses
@@ -112,6 +112,7 @@ class FixedLag:
         self._way: list[tuple[float, FloatArray]] = []  # the last times and poses
         self._left = np.zeros(2)  # chi square and freedom of the scans that have left
         self._alone = 0  # scans since the last common descent
+        self._lost = False  # the last scan was not explained
         self._known: Known | None = None
 
     def of(self, k: FloatArray) -> RigidScans:
@@ -152,7 +153,10 @@ class FixedLag:
             self._search()
             if not explained(self._costs[-1:], one.readings)[0]:
                 self.corners, self._k, self._poses, self._costs = before
-                return False
+                if not self._jumped(one):
+                    self._lost = True
+                    return False
+        self._lost = False
         self._freedoms = np.append(self._freedoms, float(one.readings[0] - 3))
         self.scans, self._alone = self.scans + 1, self._alone + 1
         if surprising or self._alone >= _TOGETHER:
@@ -171,6 +175,20 @@ class FixedLag:
         poses, costs = fit_poses(scan, self.corners, starts[None], loss(scan), _POSE_STEPS)
         best = int(costs[0].argmin())
         return poses[0, best], costs[0, best : best + 1]
+
+    def _jumped(self, scan: RigidScans) -> bool:
+        """Take a scan that the shape explains far from where it was; return whether it does.
+
+        Of scans that it does not explain in turn the first is asked only: one that deforms would cost a search each.
+        """
+        if self._lost:
+            return False
+        (poses,), (cost,) = poses_all_round(scan, self.corners, 0.05 * self.sensor.pitch_mm, kept=1)
+        if not explained(cost, scan.readings)[0]:
+            return False
+        self._k, self._way = [*self._k, scan.k[0]], []
+        self._poses, self._costs = np.vstack([self._poses, poses]), np.append(self._costs, cost)
+        return True
 
     @property
     def passed_s(self) -> float:
