@@ -99,7 +99,6 @@ def test_a_dialect_gives_its_readings_without_a_question(form: str) -> None:
         (FORMS["a word at both ends"].replace("OL", "sat"), "untouched=sat"),
         (FORMS["a word at both ends"].replace("OL", "2.2", 1), "untouched=OL"),  # of one end alone
         (HEAD + "\n".join(wide()).replace("1.262", "1262"), "1262"),
-        ("\n".join([HEAD.strip(), *wide()[:2], "h0 low 1.9", *wide()[2:]]), "line(s) 4"),  # no message
         (FORMS["topics"].replace("14:03:21.150", "14:03"), "of another form"),
         ("t=0 h: 2.5, q, 2.7 l: 1.2, q, 1.3\nt=1 h: 2.5, 2.6, 2.7 l: 1.2, 1.1, 1.3\n" * 2, "no names"),
     ],
@@ -107,6 +106,12 @@ def test_a_dialect_gives_its_readings_without_a_question(form: str) -> None:
 def test_a_damaged_dialect_is_asked_or_refused(text: str, said: str) -> None:
     with pytest.raises((Unanswered, ts.ReadingError), match=re.escape(said)):
         read(text)
+
+
+def test_a_line_between_even_scans_that_cannot_be_one_is_set_aside_with_a_warning() -> None:
+    found = read("\n".join([HEAD.strip(), *wide()[:2], "h0 low 1.9", *wide()[2:]]))
+    assert len(found.scans) == len(wide())
+    assert "line 4 ('h0 low 1.9')" in found.doubts[0]
 
 
 @pytest.mark.parametrize("command", [">> for i=1:6, t(i), vh=VH(i,:), vl=VL(i,:), end\n\n", ""])

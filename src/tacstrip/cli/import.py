@@ -96,7 +96,7 @@ def _mapped(table: Table, file: Path, sensor: Sensor | None) -> Proposal:
         rough = scans(found, mapping, dropped)
         return Proposal(mapping, at_rest(rough, mapping, sensor), (), tuple(left_out(found, dropped)))
 
-    return settled(table, read)
+    return settled(table, read, mapping.strips, len(mapping.channels))
 
 
 def _write(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,32 +16,62 @@ from tacstrip.io.log_import.questions import Clues
 from tacstrip.io.log_import.records import is_label, items
 from tacstrip.io.log_import.scans import LogScan, scans
 from tacstrip.io.log_import.table import CLOCK, GARBLED, Table
+from tacstrip.io.log_import.tokens import VALUE, parted
 
 _NUMBERS = {mark: re.compile(rf"(?<![\w.])[-+]?\d+(?:\{mark}\d+)*(?!\w)") for mark in ".,"}
 _STAMP = re.compile(r"\d+:\d+(?::\d+)?(?:[.,]\d+)?|\d{4}-\d\d-\d\d[T ]?")
 _FEW_VALUES = 0.5  # of those of other lines: a line with more may be a scan
 _GAP, _REGULAR = 1.5, 0.9  # times the usual step, part of the steps that are near it
 _FEW, _WORDS = 3, 5  # scans; words of a sentence
+_QUOTED = 5  # lines that are named
 _MOST_BELOW = 10  # lines of statistics
 
 
 def settle_broken(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> None:
     """Take back the question on broken lines where leaving them out loses no scan but the first or the last one."""
-    if not any(q.key == "broken_lines" for q in clues.questions):
-        return
     table = clues.table
-    first, last = min(table.lines), max(table.lines)
+    if not any(q.key == "broken_lines" for q in clues.questions) or {*table.broken} & {*table.lines}:
+        return
+    rows = [n for n in table.lines if n not in table.broken] or table.lines
+    first, last = min(rows), max(rows)
     above = [n for n in table.broken if n < first]
     below = [n for n in table.broken if n > last]
     inner = [n for n in table.broken if first < n < last]
     if (
+        inner
+        and len(above) + len(inner) + len(below) == len(table.broken)
+        and _is_whole(table, mapping, max(len(above), len(below)))
+    ):
+        clues.because(f"line(s) {_shown(inner)}: no readings, for every scan has its strips without them")
+        clues.questions = [q for q in clues.questions if q.key != "broken_lines"]
+        return
+    if (
         len(above) + len(inner) + len(below) == len(table.broken)
-        and all(_is_foreign(table, n) for n in (*above, *inner))
-        and all(re.match(r"\W*[^\W\d_]{2}", table.quotes[n]) for n in above)
+        and all(_is_short(table, n) for n in (*above, *inner))
+        and all(re.search(r"[^\W\d_]{3}", table.quotes.get(n, "")) for n in above)
+        and not (mapping.strip and any(_names_readings(table, n) for n in inner))
         and _at_the_end(table, below)
         and (not inner or _loses_nothing(clues, mapping, rough, inner))
     ):
         clues.questions = [q for q in clues.questions if q.key != "broken_lines"]
+
+
+def _is_whole(table: Table, mapping: ColumnMapping, most: int) -> bool:
+    """Return whether each scan lists every strip in lines of its own, more of them than `most`.
+
+    Then no line between them is a reading that is damaged: that would leave a gap.
+    """
+    dropped: list[int] = []
+    try:
+        found = scans(replace(table, broken=()), replace(mapping, missing="error"), dropped)
+    except ReadingError:
+        return False
+    lines = len({*table.lines} - {*table.broken}) // len(found)
+    return not dropped and len(found) >= _FEW and lines > max(1, most)
+
+
+def _shown(lines: list[int]) -> str:
+    return ", ".join(map(str, lines[:_QUOTED])) + (", ..." if len(lines) > _QUOTED else "")
 
 
 def hold_readings(table: Table, lines: list[int]) -> list[int]:
@@ -67,13 +98,15 @@ def _at_the_end(table: Table, lines: list[int]) -> bool:
     return len(lines) <= _MOST_BELOW and all(q and not re.match(r"[\W_]*\d", q) for q in quotes)
 
 
-def _is_foreign(table: Table, line: int) -> bool:
-    """Return whether a line names no strip, channel, time or scan, and holds far fewer values than the table's do."""
-    quote = table.quotes.get(line, "")
-    words = re.findall(r"[^\W\d_][\w]*", _STAMP.sub(" ", quote))
-    return _values_of(quote, table.decimal) < _FEW_VALUES * _usual(table) and not any(
-        meaning(w).role in ("reading", "strip", "scan") for w in words
-    )
+def _is_short(table: Table, line: int) -> bool:
+    """Return whether a line holds far fewer values than the table's do."""
+    form = parted(line, _STAMP.sub(" ", table.quotes.get(line, "")), table.decimal).form
+    return form.count(VALUE) < _FEW_VALUES * _usual(table)
+
+
+def _names_readings(table: Table, line: int) -> bool:
+    words = re.findall(r"[^\W\d_][\w]*", _STAMP.sub(" ", table.quotes.get(line, "")))
+    return any(meaning(w).role in ("reading", "strip", "scan") for w in words)
 
 
 def _usual(table: Table) -> int:

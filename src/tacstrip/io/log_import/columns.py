@@ -224,7 +224,7 @@ def _find(clues: Clues, known: dict[str, Meaning]) -> Columns:
         text = "no column says which strip a line is of"
         if not some:
             raise NoTableError(f"{text}; add one with its number")
-        clues.ask(some[0], f"{text}: is it this one? Say it of the right one", "strip")
+        clues.ask(some[0], f"{text}: is it this one? Say it of the right one", "strip", of_form=True)
         strip = some[0]
     readings = in_one_unit(clues, with_other_end(clues, known, readings, {time, scan, which}))
     for role, name in (("time", time), ("scan", scan if strip else ""), ("strip", strip), ("which", which)):

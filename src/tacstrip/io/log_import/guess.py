@@ -82,13 +82,17 @@ def propose(
     OptionError
         An answer to nothing, or one that is not possible.
     """
-    return settled(table, lambda found: _proposed(found, sensor, dict(answers or {}), stated))
+    strips, channels = (sensor.strips, 1 + (sensor.signatures != ("k",))) if sensor else (0, 0)
+    return settled(
+        table, lambda found: _proposed(found, sensor, dict(answers or {}), stated), strips, channels
+    )
 
 
-def settled(table: Table, read: Callable[[Table], Read]) -> Read:
+def settled(table: Table, read: Callable[[Table], Read], strips: int = 0, channels: int = 0) -> Read:
     """Return what `read` makes of a log, without its stray lines where it is not understood with them.
 
-    Errors are those of the log as it stands, unless without strays less is open.
+    Where names leave something open, what it holds may tell it. Errors are those of the log as it stands, unless
+    without strays, or by its content, less is open.
     """
     fewest: float = np.inf
     kept: Exception | None = None
@@ -106,10 +110,31 @@ def settled(table: Table, read: Callable[[Table], Read]) -> Read:
             lacks = isinstance(error, Unanswered) and "missing" in {q.key for q in error.questions}
             if open_ == 0.0 or one.lacking or (one is table and table.named and open_ < np.inf and not lacks):
                 break
+    assert kept is not None
+    if (
+        strips
+        and _is_of_form(table.refused or kept)
+        and (told := table.of_content(strips, channels)) is not None
+    ):
+        try:
+            return read(told)
+        except Unanswered as error:
+            asked = len(kept.questions) if isinstance(kept, Unanswered) else np.inf
+            if len(error.questions) < asked:
+                raise
+        except (ReadingError, OptionError):
+            pass
     if fewest == np.inf and table.refused:
         raise table.refused
-    assert kept is not None
     raise kept
+
+
+def _is_of_form(error: Exception) -> bool:
+    """Return whether nothing but what the columns are is open, which their content may tell."""
+    if not isinstance(error, Unanswered):
+        return isinstance(error, NoTableError)
+    form = [q.of_form for q in error.questions]
+    return any(form) and all(so or q.key in KEYS for so, q in zip(form, error.questions, strict=True))
 
 
 def _open(error: Exception) -> float:
@@ -400,7 +425,7 @@ def _strips(clues: Clues, found: Columns) -> tuple[int, int]:
         if count and len(there) == count == high - low + 1:  # such as pins A2 to A7
             fits = [low]
         if count and not fits:
-            raise ReadingError(
+            raise NoTableError(
                 f"strips are numbered {low} to {high}, and the sensor has {count}{_where(clues, found, high)}; check "
                 "strips in the spec, or say which column is the strip's number: --answer NAME=strip, and NAME=skip of "
                 f"others (they are: {', '.join(clues.table.names[:8])})"
@@ -501,7 +526,7 @@ def _broken(clues: Clues) -> str:
         + _quote(clues.table, broken[0])
     )
     if len(broken) > _FEW_BROKEN and len(broken) >= _MOST_BROKEN * (len(broken) + len(clues.table.rows)):
-        raise ReadingError(
+        raise NoTableError(
             f"line(s) {shown} are not like the others, and they are {len(broken)} beside {len(clues.table.rows)} that "
             "are: the log is not of a form that is read here; save it with a line per strip or per scan"
         )

@@ -26,6 +26,7 @@ _GAP = 5.0  # times: how far above that the other readings begin
 _LEAP = 2.0  # times the largest step of a strip that stays touched: a contact begins or ends
 _AT_ONCE = "strips go there and back in one step, and no other reading moves as far"
 _FEW_TOUCHED = 0.005  # of the readings: fewer are no contact among noise
+_FLOATING = 0.2  # of the readings: so many near 0 are hardly contacts, all of them
 _MANY = 0.05  # of the readings: more that are exactly 0 are no chance
 _FULL = 0.9  # of the largest reading: what becomes larger than the range goes there from above
 _OVER_RANGE = re.compile(
@@ -199,7 +200,17 @@ def _at_an_end(clues: Clues, values: FloatArray, rest: list[float]) -> list[str]
     low = [v for v in rest if v < _REST * rest[-1]]
     high = rest[len(low) :]
     there = values <= max(low, default=-1.0)
-    if ends or not (low and high) or high[0] <= _GAP * max(low[-1], -low[0]):
+    if ends or not (low and high):
+        return []
+    if high[0] <= _GAP * max(low[-1], -low[0]):
+        if (values < _REST * rest[-1]).mean() > _FLOATING:
+            clues.ask(
+                "untouched",
+                f"every strip has a reading, and {100 * there.mean():.0f} % are {low[-1]:g} or less, which "
+                "no gap parts from the others: do strips that nothing touches read so, or are all touched (none)? The spec's "
+                "rest_volt and touch_volt say it, too",
+                f"<{high[0]:g}", "none",
+            )  # fmt: skip
         return []
     if not _MANY < there.mean() < 1.0 - _FEW_TOUCHED:  # else the others have lost a point
         return []

@@ -17,6 +17,7 @@ KEYS = (
     "adc_bits", "exchanged", "order", "strip_order", "scale", "coding", "restart", "which_h", "sheet", "readings",
     "turn",
 )  # fmt: skip
+OF_FORM = ("broken_lines", "rate_hz", "order", "which_h", "missing", "untouched")
 _BASES = {"0-based": "0", "1-based": "1"}  # strips=1-based says strip_base=1
 
 
@@ -33,6 +34,7 @@ class Question:
     key: str
     text: str
     choices: tuple[str, ...]
+    of_form: bool = False  # whether what the columns hold may answer it, and not only what the user knows
 
     def __str__(self) -> str:
         ways = [f"{self.key}={choice}" for choice in self.choices]
@@ -114,10 +116,10 @@ class Clues:
         said = role in ("", "which") or (role == "scan" and number_of(answer) is None)  # as a frame's name
         return said and answer not in ROLES and answer in self.table.column(name)
 
-    def ask(self, key: str, text: str, *choices: str) -> None:
+    def ask(self, key: str, text: str, *choices: str, of_form: bool = False) -> None:
         """Ask for what cannot be known; once for each key."""
         if key not in {q.key for q in self.questions}:
-            self.questions.append(Question(key, text, choices))
+            self.questions.append(Question(key, text, choices, of_form or key in OF_FORM))
 
     def stop(self) -> None:
         """Raise `Unanswered` if anything was asked."""

@@ -170,7 +170,12 @@ def strip_column(clues: Clues, known: dict[str, Meaning], which: str, wide: list
     }:  # one that stays while another counts numbers the scans
         there = [n for n in there if not any(_counts_within(clues, o, n) for o in there if o != n)] or there
     if len(there) > 1:
-        clues.ask(there[1], f"both {there[0]!r} and {there[1]!r} look like the strip: which is not?", "skip")
+        clues.ask(
+            there[1],
+            f"both {there[0]!r} and {there[1]!r} look like the strip: which is not?",
+            "skip",
+            of_form=True,
+        )
     if there:
         return there[0], 0.0
     if wide:

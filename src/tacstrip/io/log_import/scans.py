@@ -18,7 +18,7 @@ from tacstrip.io.log_import.conversion import bits_by_line
 from tacstrip.io.log_import.fields import clock_times, is_of_two, number_of, says_nothing
 from tacstrip.io.log_import.mapping import ColumnMapping
 from tacstrip.io.log_import.names import CLOCKS, TIME_UNITS, meaning
-from tacstrip.io.log_import.table import Table
+from tacstrip.io.log_import.table import NoTableError, Table
 
 _DAY_S = 86400.0
 _HALF_HOUR_S = 1800.0
@@ -69,7 +69,7 @@ def scans(table: Table, mapping: ColumnMapping, dropped: list[int] | None = None
         if n and n not in table.places
     ]
     if lack:
-        raise ReadingError(
+        raise NoTableError(
             f"column {lack[0]!r} of the mapping is not in the log; it has: {', '.join(table.names)}"
         )
     if table.broken and mapping.broken_lines != "skip":
@@ -322,7 +322,7 @@ def _scans(
             scan, seen = LogScan(time, np.full(shape, np.nan), line), {}
         elif again:
             strip, end = next((s, e) for _, _, s, e in targets if (s, e) in seen)
-            raise ReadingError(
+            raise NoTableError(
                 f"line {line}: strip {strip + mapping.strip_base} is already on line {seen[strip, end]} of its scan"
             )
         assert scan is not None

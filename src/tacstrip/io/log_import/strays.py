@@ -192,7 +192,12 @@ def with_retries(text: str, read: Read, last: Callable[[bool], Table | None]) ->
                 f"{error}\n  not of the others' form, and it is not read without these either: {shown}"
             )
         if (table := next(others, None)) is None:
-            raise refused from None
+            if not isinstance(error, NoTableError):
+                raise refused from None
+            lines = filled_lines(text)
+            return Table(
+                ("line",), [[line] for _, line in lines], [n for n, _ in lines], named=False, refused=refused
+            )
         return replace(table, retries=lambda: others, refused=refused)
 
 

@@ -16,6 +16,7 @@ from tacstrip.errors import ReadingError
 
 GARBLED = "\ufffd"  # for what a board wrote as it was reset
 CLOCK = "time stamp"  # the column of what a serial monitor or a logger puts before each line
+BY_CONTENT = "no other assignment of its values is one that the sensor can have read"
 REPEATED = "lines of one form: what changes from line to line are values"
 PART = "part"  # the column that tells lines above a change of what readings mean from those below it
 ROW = "line of its block"  # where blocks of as many lines follow each other
@@ -71,6 +72,8 @@ class Table:
         The tables that the log would be without its stray lines, the fewest set aside first.
     refused
         Why the log is none with its stray lines.
+    of_content
+        What it is by what it holds, for a sensor of so many strips and channels; None where that does not tell it.
     doubts
         What of it may be meant otherwise than it is read.
     resolutions
@@ -98,6 +101,9 @@ class Table:
     empty: frozenset[int] = frozenset()
     retries: Callable[[], Iterator[Table]] = field(default=lambda: iter(()), repr=False, compare=False)
     refused: ReadingError | None = None
+    of_content: Callable[[int, int], Table | None] = field(
+        default=lambda _strips, _channels: None, repr=False, compare=False
+    )
     doubts: tuple[str, ...] = ()
     varied: bool = False
     resolutions: tuple[tuple[int, int, str], ...] = ()

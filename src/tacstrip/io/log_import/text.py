@@ -10,6 +10,7 @@ from pathlib import Path
 from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.announced import with_announced
 from tacstrip.io.log_import.box_print import without_boxes
+from tacstrip.io.log_import.by_content import of_content
 from tacstrip.io.log_import.changes import in_parts
 from tacstrip.io.log_import.channel_names import (
     order_told_otherwise,
@@ -96,11 +97,17 @@ def of_text(text: str, path: str | Path = "the log") -> Table:
             f"{path}: line {text.count(chr(10), 0, endless.start()) + 1}: {len(endless.group())} characters and more "
             f"without an end ({endless.group()[:10]}...); damaged, or no log: take them out"
         )
-    return with_retries(
+    table = with_retries(
         text,
         lambda strays: _with_lines(_announced(text, path, strays), text),
         lambda refused: _repeated(text, refused),
     )
+    return replace(table, of_content=lambda strips, channels: _of_content(text, strips, channels))
+
+
+def _of_content(text: str, strips: int, channels: int) -> Table | None:
+    table = of_content(_COLOUR.sub("", without_thousands(text)), strips, channels)
+    return None if table is None else _with_lines(in_normal_form(table), text)
 
 
 def _repeated(text: str, refused: bool) -> Table | None:
@@ -139,9 +146,11 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
         return in_normal_form(dumped)
     text = without_boxes(of_system_log(_FORTRAN.sub(r"\1E\2", _SCALAR.sub(r"\1", text))))
     text, bounds = _BOUND.subn(r"\1", without_thousands(_THOUSANDS.sub("", of_pandas(without(text, strays)))))
-    text, messages = without_messages(
-        _COLOUR.sub("", plain_rows(of_displayed_scans(without(text, strays)).translate(_HALF_WIDTH)))
-    )
+    whole = _COLOUR.sub("", plain_rows(of_displayed_scans(without(text, strays)).translate(_HALF_WIDTH)))
+    text, messages = without_messages(whole)
+    of_others = [
+        (a[0], a[1]) for a, b in zip(numbered(whole), numbered(text), strict=True) if a[1] and not b[1]
+    ]
     told = []
     for rewritten in (without_totals, without_mail, without_other_series, without_other_tags, with_registers):
         text, said = rewritten(text)
@@ -186,6 +195,8 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     above = [line for i, line in numbered(text) if i < first]
     table = replace(
         table,
+        # What another logger says above the readings is said of all.
+        preamble=(*table.preamble, *(line for i, line in of_others if i < first)),
         remarks=(*([messages] if messages else []), *table.remarks),
         doubts=(*table.doubts, *doubts, *strips_told_otherwise(above)),
     )

@@ -71,7 +71,9 @@ def readings_by_contents(
     text = f"no column's name says that it holds readings (they are: {shown}); say it, of each that does"
     free = [n for n in clues.table.names if n not in {*taken, *given, ROW, CLOCK}]
     for name in (left or free or list(clues.table.names))[-_MOST_ASKED:]:
-        clues.ask(name, text, *(clues.expected or ("h", "l", "out")), "skip", *strip_too(clues, name))
+        clues.ask(
+            name, text, *(clues.expected or ("h", "l", "out")), "skip", *strip_too(clues, name), of_form=True
+        )
         text = "or of this one"
     clues.stop()
     raise AssertionError
@@ -200,7 +202,7 @@ def roles_without_names(clues: Clues) -> dict[str, Meaning]:
         first,
         f"the {nameless} columns have no names: say what each is (which: the channel's name)"
         + ("" if sensor else "; or name the SENSOR, whose strips may tell"),
-        "time", "scan", "strip", "which", *(clues.expected or ("h", "l"))[:2],
+        "time", "scan", "strip", "which", *(clues.expected or ("h", "l"))[:2], of_form=True,
     )  # fmt: skip
     clues.stop()
     raise AssertionError

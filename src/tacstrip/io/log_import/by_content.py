@@ -1,0 +1,476 @@
+"""A log of any form by what it holds: the one assignment of its values to strips that a sensor can have read.
+
+Lines of one form are rows, what changes in them are columns. Which of these are readings is told by no name: every
+assignment is tried, and that is taken with which touched strips are neighbours, both ends of a strip are touched at
+once, k_h is above k_l, and neighbours read nearly alike. Where several are possible, none is taken.
+"""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tacstrip.arrays import FloatArray
+from tacstrip.io.log_import.fields import number_of, says_nothing
+from tacstrip.io.log_import.names import READING_UNITS, TIME_UNITS, UNITS, Meaning, meaning, meanings, unit_in
+from tacstrip.io.log_import.plausible import ROUGH, roughness
+from tacstrip.io.log_import.strays import filled_lines
+from tacstrip.io.log_import.table import BY_CONTENT, CLOCK, Table
+from tacstrip.io.log_import.tokens import TIME, VALUE, WORD, Line, in_pairs, kinds_of_rows, parted
+
+_FAR_OFF = 1.5  # times as rough: an assignment that is no rival
+_EXPLAINED = 0.8  # of the values that another assignment makes readings
+_FEW_SCANS = 4
+_BEGUN = 4  # values and marks that a damaged row has in common with the others, or more
+_ABOVE = 4  # lines that may hold the names
+_LONG = 72  # characters of a line that are quoted
+_MOST_COLUMNS = 600
+_BETWEEN_STRIPS = 2  # columns, at most, of something else
+
+
+@dataclass(frozen=True)
+class Column:
+    """What stands in one place of all rows: texts, their kind, numbers (NaN for none), and the word before it."""
+
+    texts: tuple[str, ...]
+    kind: str
+    numbers: FloatArray
+    label: str
+
+    @property
+    def said(self) -> Meaning:
+        """What the word before it says."""
+        return meaning(self.label if len(self.label) > 1 or self.label in "tT" else "")
+
+    @property
+    def is_numeric(self) -> bool:
+        """Whether it holds numbers, but for what may stand for no contact."""
+        return self.kind == VALUE
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether it never changes."""
+        return len({*self.texts}) == 1
+
+    @property
+    def counts(self) -> bool:
+        """Whether it rises by always as much."""
+        steps = np.diff(self.numbers)
+        return bool(
+            len(steps) > 2
+            and np.isfinite(steps).all()
+            and steps[0] > 0.0
+            and np.allclose(steps, steps[0], rtol=1e-6)
+        )
+
+    @property
+    def rises(self) -> bool:
+        """Whether it never falls, and is a number throughout."""
+        steps = np.diff(self.numbers)
+        return bool(len(steps) and np.isfinite(self.numbers).all() and (steps >= 0.0).all() and steps.any())
+
+
+@dataclass(frozen=True)
+class Assignment:
+    """Which column is what: readings as (column, strip, channel), None where another column says these."""
+
+    readings: tuple[tuple[int, int | None, str], ...]
+    strip: int | None = None
+    which: int | None = None
+    ends: tuple[str, ...] = ()  # what stands in the column of the end for h and l
+    by_place: int = 0  # rows of a scan, whose places are the strips
+
+
+def of_content(text: str, strips: int, channels: int) -> Table | None:
+    r"""Return a log as a table with names that tell what its columns are; None where its content does not tell it.
+
+    Parameters
+    ----------
+    text
+        The log.
+    strips, channels
+        Of its sensor.
+
+    Examples
+    --------
+    >>> pair = lambda s, n: f"{2 + s * s / 99 + n / 8:.3f}~{1 + s * s / 99:.3f}" if abs(s / 4 - n) < 2 else "x~x"
+    >>> log = "\n".join(f"<{s / 10} s> " + " ".join(pair(s, n) for n in range(4)) for s in range(12))
+    >>> of_content(log, 4, 2).names
+    ('time [s]', 'h_0', 'l_0', 'h_1', 'l_1', 'h_2', 'l_2', 'h_3', 'l_3')
+    """
+    there = filled_lines(text)
+    found: list[tuple[float, FloatArray, Table]] = []
+    marks = [len(re.findall(rf"(?<![\w.,:])\d+{mark}\d+(?![\w.,])", text)) for mark in (r"\.", ",")]
+    for decimal in (".", ",") if marks[1] > marks[0] else (".",):
+        lines = in_pairs([parted(n, line, decimal) for n, line in there])
+        ways = [_best(rows, lines, dict(there), decimal, strips, channels) for rows in kinds_of_rows(lines)]
+        found += [way for way in ways if way is not None]
+    found.sort(key=lambda one: one[0])
+    if not found:
+        return None
+    rough, values, table = found[0]
+    rivals = [v for other, v, _ in found[1:] if other < _FAR_OFF * rough]
+    return None if any(not np.array_equal(values, v, equal_nan=True) for v in rivals) else table
+
+
+def _best(
+    rows: list[Line], lines: list[Line], texts: dict[int, str], decimal: str, strips: int, channels: int
+) -> tuple[float, FloatArray, Table] | None:
+    """Return the only assignment of these rows that a sensor can have read, and how rough it is, and its readings."""
+    columns = _columns(rows, lines, decimal)
+    if not columns or len(columns) > _MOST_COLUMNS:
+        return None
+    tried: list[tuple[float, Assignment, FloatArray]] = []
+    for one in _assignments(columns, strips, channels):
+        values = _values(columns, one, strips, channels)
+        if values is None or len(values) < _FEW_SCANS:
+            continue
+        rough = roughness(values)
+        if (
+            rough is not None
+            and rough < ROUGH
+            and not any(np.array_equal(values, v, equal_nan=True) for *_, v in tried)
+        ):
+            tried.append((rough, one, values))
+    most = max((int(np.isfinite(v).sum()) for *_, v in tried), default=0)
+    tried = [t for t in tried if np.isfinite(t[2]).sum() > _EXPLAINED * most]
+    tried.sort(key=lambda t: t[0])
+    if not tried or (len(tried) > 1 and tried[1][0] < _FAR_OFF * tried[0][0]):
+        return None
+    rough, one, values = tried[0]
+    names = _names_above(rows[0], texts, columns)
+    if (
+        not _agrees(one, names)
+        or _others_like_readings(columns, one, names)
+        or _are_numbers_of_columns(columns, one)
+    ):
+        return None
+    return rough, values, _table(columns, one, rows, texts, decimal)
+
+
+def _columns(rows: list[Line], lines: list[Line], decimal: str) -> list[Column]:
+    """Return what changes from row to row; and what changes in lines of other forms, of the last one above a row."""
+    columns = _of_places([r.form for r in rows], [r.texts for r in rows], decimal)
+    taken = {r.number for r in rows}
+    first, last = rows[0].number, rows[-1].number
+    others = kinds_of_rows([line for line in lines if line.number not in taken])
+    above: list[Column] = []
+    beside: list[Column] = []
+    for group in others:
+        if len(group) == len(rows) and (group[0].number > last or group[-1].number < first):
+            beside += _of_places([r.form for r in group], [r.texts for r in group], decimal)
+            continue
+        if group[0].number > first or len(group) < 2:
+            continue
+        at, k = [], 0
+        for row in rows:
+            while k + 1 < len(group) and group[k + 1].number < row.number:
+                k += 1
+            at.append(group[k])
+        if len({line.number for line in at}) > 1:
+            above += [
+                c
+                for c in _of_places([g.form for g in at], [g.texts for g in at], decimal)
+                if not c.is_constant
+            ]
+    return above + (
+        beside + columns if others and beside and others[0][0].number < first else columns + beside
+    )
+
+
+def _of_places(forms: Sequence[str], texts: Sequence[tuple[str, ...]], decimal: str) -> list[Column]:
+    made: list[Column] = []
+    label = ""
+    for place, symbol in enumerate(forms[0]):
+        fields = tuple(t[place] for t in texts)
+        if symbol == WORD:
+            label = fields[0] if len({*fields}) == 1 else ""
+            if label:
+                continue
+        if symbol not in (VALUE, TIME, WORD):
+            continue
+        fields = _in_decimals(fields) if symbol == VALUE else fields
+        numbers = np.array([np.nan if (v := number_of(f, decimal)) is None else v for f in fields])
+        made.append(Column(fields, symbol, numbers, label))
+        label = ""
+    return made
+
+
+def _in_decimals(fields: tuple[str, ...]) -> tuple[str, ...]:
+    """Return fields with a mark before hexadecimal numbers, if some have letters and all are as long."""
+    there = [f for f in fields if re.fullmatch(r"[\dA-Fa-f]{2,8}", f)]
+    hexadecimal = len({*map(len, there)}) == 1 and sum(not f.isdigit() for f in there) > 0.1 * len(there)
+    return tuple(f"0x{f}" if hexadecimal and re.fullmatch(r"[\dA-Fa-f]{2,8}", f) else f for f in fields)
+
+
+def _assignments(columns: list[Column], strips: int, channels: int) -> Iterator[Assignment]:
+    numeric = [
+        n
+        for n, c in enumerate(columns)
+        if c.is_numeric and not c.counts and c.said.role not in ("time", "scan", "strip")
+    ]
+    often = {t for n in numeric if not columns[n].is_constant for t in columns[n].texts}
+    # A number that never changes is a label, unless it is what others have where nothing touches.
+    plain = [
+        n
+        for n in numeric
+        if not columns[n].is_constant or columns[n].texts[0] in often or says_nothing(columns[n].texts[0])
+    ]
+    for some in [plain] if len(plain) >= strips * channels else [numeric]:
+        for size in range(channels, channels + _BETWEEN_STRIPS + 1):
+            for at in range(len(some) - strips * size + 1):
+                block = some[at : at + strips * size]
+                if size > channels and len(some) - len(block) > 2:
+                    continue
+                yield from _of_block(block, strips, channels, size)
+    whiches = [
+        n
+        for n, c in enumerate(columns)
+        if len({*c.texts}) == 2 and (c.kind == WORD or (np.isfinite(c.numbers).all() and not c.rises))
+    ]
+    cycles = [n for n, c in enumerate(columns) if c.is_numeric and _are_strips(c, strips)]
+    values = [
+        n
+        for n in numeric
+        if not columns[n].rises and not (columns[n].is_constant and not says_nothing(columns[n].texts[0]))
+    ]
+    for strip in (*cycles, None):
+        left = [n for n in values if n != strip]
+        by_place = 0 if strip is not None else strips
+        if channels == 1:
+            yield from (Assignment(((n, None, "out"),), strip, by_place=by_place) for n in left)
+            continue
+        for a, b in itertools.pairwise(left):
+            yield Assignment(((a, None, "h"), (b, None, "l")), strip, by_place=by_place)
+            yield Assignment(((b, None, "h"), (a, None, "l")), strip, by_place=by_place)
+        if strip is None:
+            continue
+        for which in whiches:
+            words = sorted({*columns[which].texts})
+            for ends in (tuple(words), tuple(words[::-1])):
+                yield from (Assignment(((n, None, ""),), strip, which, ends) for n in left if n != which)
+    if channels == 2:
+        for which in whiches:
+            some = [n for n in plain if n != which]
+            words = sorted({*columns[which].texts})
+            for at, ends in itertools.product(
+                range(len(some) - strips + 1), (tuple(words), tuple(words[::-1]))
+            ):
+                yield Assignment(
+                    tuple((n, k, "") for k, n in enumerate(some[at : at + strips])), None, which, ends
+                )
+
+
+def _of_block(block: list[int], strips: int, channels: int, size: int) -> Iterator[Assignment]:
+    """Return the assignments of columns to the ends of all strips, `size` of each strip, alternating or in blocks."""
+    names = ("out",) if channels == 1 else ("h", "l")
+    for order in itertools.permutations(range(size), channels):
+        yield Assignment(
+            tuple(
+                (block[k * size + place], k, name)
+                for k in range(strips)
+                for place, name in zip(order, names, strict=True)
+            )
+        )
+        if size > 1:
+            yield Assignment(
+                tuple(
+                    (block[place * strips + k], k, name)
+                    for k in range(strips)
+                    for place, name in zip(order, names, strict=True)
+                )
+            )
+
+
+def _are_strips(column: Column, strips: int) -> bool:
+    """Return whether a column counts strips: whole numbers from 0 or 1, or as many in a row, that begin anew."""
+    if not np.isfinite(column.numbers).all() or (column.numbers % 1.0).any() or column.rises:
+        return False
+    low, high = int(column.numbers.min()), int(column.numbers.max())
+    many = len({*column.numbers.tolist()})
+    return (
+        high - low < strips
+        and many > 1
+        and (low in (0, 1) or many == strips)
+        and not (low == 1 and high > strips)
+    )
+
+
+def _values(columns: list[Column], one: Assignment, strips: int, channels: int) -> FloatArray | None:
+    """Return the readings (scans, strips, channels) of an assignment; None where a strip comes twice in a scan."""
+    many = len(columns[0].texts)
+    numbers = {n: columns[n].numbers for n, *_ in one.readings}
+    if one.strip is None and one.which is None and not one.by_place:
+        made = np.full((many, strips, channels), np.nan)
+        for n, k, channel in one.readings:
+            made[:, k, int(channel == "l")] = numbers[n]
+        return made
+    if one.by_place and many % strips:
+        return None
+    counted = one.strip is not None or one.by_place > 0
+    at = np.arange(many) % strips
+    if one.strip is not None:
+        at = columns[one.strip].numbers.astype(int)
+        at = at - (1 if at.min() == 1 else 0 if at.max() < strips else at.min())
+    end = (
+        np.zeros(many, dtype=int)
+        if one.which is None
+        else np.array([one.ends.index(t) for t in columns[one.which].texts])
+    )
+    scans: list[FloatArray] = []
+    seen: set[tuple[int, int]] = set()
+    last = -1
+    for row in range(many):
+        places = [
+            (
+                k if k is not None else int(at[row]),
+                "hl".index(channel) if channel in ("h", "l") else int(end[row]),
+            )
+            for _, k, channel in one.readings
+        ]
+        falls = counted and int(at[row]) < last and (one.which is None or places[0] in seen)
+        if not scans or falls or seen & {*places}:
+            scans.append(np.full((strips, channels), np.nan))
+            seen = set()
+        last = int(at[row])
+        for (k, c), (n, *_) in zip(places, one.readings, strict=True):
+            scans[-1][k, c] = numbers[n][row]
+            seen.add((k, c))
+    return np.stack(scans)
+
+
+def _names_above(first: Line, texts: dict[int, str], columns: list[Column]) -> list[str]:
+    """Return the fields of the last line above that has as many as there are columns; [] where none has."""
+    for n in sorted((n for n in texts if n < first.number), reverse=True)[:_ABOVE]:
+        for mark in ("\t", ";", ",", "|", None):
+            fields = [f.strip(" \"'") for f in texts[n].lstrip("#% ").strip(" |").split(mark)]
+            if len(fields) == len(columns) and any(re.search(r"[^\W\d_]", f) for f in fields):
+                return fields
+    return []
+
+
+def _agrees(one: Assignment, names: list[str]) -> bool:
+    """Return whether names contradict no strip and no end that an assignment gives their columns."""
+    if not names or len({*names}) < len(names):
+        return True
+    found = [*meanings(names).values()]
+    numbers = {s - k for n, k, _ in one.readings if k is not None and (s := found[n].strip) is not None}
+    ends = {
+        (channel, found[n].channel) for n, _, channel in one.readings if found[n].channel in ("h", "l", "out")
+    }
+    return len(numbers) < 2 and all(channel in ("", end) for channel, end in ends)
+
+
+def _others_like_readings(columns: list[Column], one: Assignment, names: list[str]) -> bool:
+    """Return whether columns that are passed over hold numbers of a like name or size, as of other strips."""
+    used = {n for n, *_ in one.readings}
+    there = np.concatenate([c.numbers[np.isfinite(c.numbers)] for c in (columns[n] for n in used)])
+    low, high = np.quantile(there, [0.05, 0.95])
+    plain = [re.sub(r"\d+", "0", n) for n in names]
+    alike = {plain[n] for n in used} if plain else {*()}
+    for n, column in enumerate(columns):
+        if (
+            n in used
+            or n in (one.strip, one.which)
+            or not column.is_numeric
+            or column.is_constant
+            or column.rises
+        ):
+            continue
+        if plain and plain[n] not in alike and names[n]:
+            continue
+        numbers = column.numbers[np.isfinite(column.numbers)]
+        if len(numbers) and low <= np.median(numbers) <= high and not column.said.role:
+            return True
+    return False
+
+
+def _are_numbers_of_columns(columns: list[Column], one: Assignment) -> bool:
+    """Return whether the first row only counts the columns, as a line of names may."""
+    first = np.array([columns[n].numbers[0] for n in sorted({n for n, *_ in one.readings})])
+    return len(first) > 2 and bool((np.diff(first) == 1.0).all())
+
+
+def _table(
+    columns: list[Column], one: Assignment, rows: list[Line], texts: dict[int, str], decimal: str
+) -> Table:
+    """Return the table of an assignment, with the time, and units that stand by the values or above them."""
+    first = rows[0].number
+    preamble = tuple(line for n, line in texts.items() if n < first)
+    used = {n for n, *_ in one.readings} | {one.strip, one.which}
+    unit = _unit_above(preamble, READING_UNITS)
+    made: dict[str, Sequence[str]] = {}
+    labels = [n for n in range(len(columns)) if n not in used and not columns[n].is_constant]
+    clocks = [n for n in labels if columns[n].kind == TIME]
+    rising = [n for n in labels if columns[n].is_numeric and columns[n].rises]
+    if clocks:
+        made[CLOCK] = columns[clocks[0]].texts
+    for n in rising:
+        said, own = columns[n].said, unit_in(columns[n].label)
+        steps = np.unique(np.round(np.diff(columns[n].numbers), 9))
+        in_field = next((u for u in TIME_UNITS if re.search(rf"\d\s?{u}\Z", columns[n].texts[0])), "")
+        counts = {*steps.tolist()} <= {0.0, 1.0}
+        role = (
+            said.role
+            if said.role in ("time", "scan")
+            else "scan"
+            if counts and not (in_field or own)
+            else "time"
+        )
+        above = _unit_above(preamble[-1:], tuple(TIME_UNITS)) if role == "time" else ""
+        name = (
+            f"{role} [{own or in_field or above}]" if role == "time" and (own or in_field or above) else role
+        )
+        made.setdefault(name, columns[n].texts)
+    if one.strip is not None:
+        made["strip"] = columns[one.strip].texts
+    elif one.by_place:
+        made["strip"] = [str(row % one.by_place) for row in range(len(rows))]
+    if one.which is not None:
+        made["end"] = [("h", "l")[one.ends.index(t)] for t in columns[one.which].texts]
+    for n, k, channel in one.readings:
+        name = (channel or "reading") + ("" if k is None else f"_{k}")
+        made[f"{name} [{unit}]" if unit else name] = columns[n].texts
+    taken = {r.number for r in rows}
+    broken = tuple(
+        n
+        for n, line in texts.items()
+        if n not in taken and _may_be_row(parted(n, line, decimal), rows[0].form)
+    )
+    shown = texts[rows[0].number][:_LONG]
+    told = f"line {rows[0].number} ({shown!r}) and those like it are read as {', '.join(made)}; {BY_CONTENT}"
+    return Table(
+        tuple(made), [list(row) for row in zip(*made.values(), strict=True)], [r.number for r in rows], decimal,
+        broken=broken, quotes={n: texts[n] for n in broken}, preamble=preamble,
+        doubts=(told,),
+    )  # fmt: skip
+
+
+def _may_be_row(line: Line, form: str) -> bool:
+    """Return whether a line begins as the rows do, or holds as many values: one of them that is damaged."""
+    alike = next(
+        (n for n, (a, b) in enumerate(zip(line.form, form, strict=False)) if a != b),
+        min(len(line.form), len(form)),
+    )
+    many, usual = line.form.count(VALUE), form.count(VALUE)
+    begun = alike > min(_BEGUN, len(form) - 1) and VALUE in line.form[:alike]
+    return many > 0 and (begun or (2 * many > usual and line.form.count(WORD) <= form.count(WORD)))
+
+
+def _unit_above(lines: Sequence[str], known: Sequence[str]) -> str:
+    """Return the only one of some units that a line above says in brackets, alone in a field, or behind "in"."""
+    for line in lines[:-_ABOVE:-1]:
+        said = re.findall(
+            r"[\[(]([^\W\d]+|%)[\])]|(?:\A|[\t;,|])[\s\"']*([^\W\d]+|%)[\s\"']*(?=[\t;,|]|\Z)|\bin ([^\W\d]+|%)",
+            line,
+        )
+        there = {
+            UNITS.get(word, UNITS.get(word.casefold(), "")) for words in said for word in words if word
+        } & {*known}
+        if len(there) == 1:
+            return there.pop()
+    return ""
