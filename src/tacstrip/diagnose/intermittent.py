@@ -57,7 +57,7 @@ def intermittent(work: WorkingCopy) -> tuple[list[Finding], list[Question]]:
     jumps, away = _jumps(work)
     left, right = strips_on_both_sides(work.there)
     amid = away.any(axis=0) & (left > 0) & (right > 0)
-    lines = [predict_from_neighbours(values, work.there)[0] for values in work.k.values()]
+    lines = [work.prediction(name)[0] for name in work.k]
     lasting = _never_good(work)
     jumps[:, lasting] = 0
     findings = list(_often(work, lasting))
@@ -172,10 +172,10 @@ def _often(work: WorkingCopy, lasting: BoolArray) -> Iterator[Finding]:
     gone = _gaps(work)
     found: dict[str, list[_Seen]] = {}
     for name, values in work.k.items():
-        e, both, gap = predict_from_neighbours(values, work.there)
+        e, both, gap = work.prediction(name)
         inner = both & (gap < 0.3)
-        both[:, [0, -1]] = np.isfinite(e[:, [0, -1]])
-        steady = both & (gap < 0.3)
+        steady = inner.copy()
+        steady[:, [0, -1]] = (np.isfinite(e) & (gap < 0.3))[:, [0, -1]]
         free = np.any([np.abs(values - level) < near for level in {0.0, rest, 1.0}], axis=0)
         with np.errstate(invalid="ignore"):
             # Beside a contact's rim, noise of a strip that rests makes it count as touched.
