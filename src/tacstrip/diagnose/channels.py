@@ -90,8 +90,8 @@ def on_rails(work: WorkingCopy) -> Iterator[Suspect]:
 
 def _extreme(values: FloatArray) -> FloatArray:
     """Return what channels read at the least, but for strays, wherever they are touched (signatures, 1, strips)."""
-    ordered = np.sort(np.where(np.isfinite(values), values, np.inf), axis=1)
-    return ordered[:, min(_STRAYS, ordered.shape[1] - 1), None]
+    last = min(_STRAYS, values.shape[1] - 1)
+    return np.partition(np.where(np.isfinite(values), values, np.inf), last, axis=1)[:, last, None]
 
 
 def _silent(work: WorkingCopy) -> tuple[BoolArray, FloatArray]:
@@ -241,8 +241,12 @@ def _open_end(at_vref: bool) -> str:
     return f"open at its {end}: look at that clamp and its wire to {wire}"
 
 
-def _followed(work: WorkingCopy) -> Iterator[tuple[str, int, FloatArray, FloatArray, IntArray]]:
-    """Yield the channels whose neighbours move together: signature, strip, readings, predictions, rows (places,)."""
+def _followed(work: WorkingCopy) -> list[tuple[str, int, FloatArray, FloatArray, IntArray]]:
+    """Return the channels whose neighbours move together: signature, strip, readings, predictions, rows (places,)."""
+    return work.once("followed", lambda: list(_followed_channels(work)))
+
+
+def _followed_channels(work: WorkingCopy) -> Iterator[tuple[str, int, FloatArray, FloatArray, IntArray]]:
     for name, values in work.k.items():
         e, _ = neighbour_residuals(work, name)
         known = np.isfinite(e)

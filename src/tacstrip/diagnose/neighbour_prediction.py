@@ -150,7 +150,7 @@ def places(work: WorkingCopy, most: int = 1 << 30) -> WorkingCopy:
     group = np.zeros(len(values), dtype=int)
     start, number = 0, 0
     for t in range(1, len(values)):
-        moved = np.nanmax(np.abs(values[t] - values[start]), initial=0.0) > threshold
+        moved = np.fmax.reduce(np.abs(values[t] - values[start]), axis=None, initial=0.0) > threshold
         if moved or t - start >= most or not (work.there[t] == work.there[start]).all():
             start, number = t, number + 1
         group[t] = number

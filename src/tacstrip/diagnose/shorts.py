@@ -238,17 +238,19 @@ def _scatter(values: FloatArray, level: FloatArray, at: BoolArray) -> FloatArray
     """
     use = at & np.isfinite(values)
     enough = use.sum(axis=0) >= _MANY
-    off = np.full(values.shape, np.nan)
-    for _ in range(2):
-        count = np.maximum(use.sum(axis=0), 1)
-        x, y = (np.where(use, v, 0.0) for v in (level, values))
-        x0, y0 = x.sum(axis=0) / count, y.sum(axis=0) / count
-        across = np.where(use, level - x0, 0.0)
-        slope = np.clip((across * y).sum(axis=0) / np.maximum((across**2).sum(axis=0), 1e-9), -_GAINS, _GAINS)
-        off = np.where(at, np.abs(values - y0 - slope * (level - x0)), np.nan)
-        off[:, ~enough] = np.nan
-        use = off <= 3.0 * _columns(off, 0.5)
+    off = _off_line(values, level, at, use)
+    off = _off_line(values, level, at, off <= 3.0 * _columns(off, 0.5))
     return np.where(enough, _columns(off, _MOST), np.nan)
+
+
+def _off_line(values: FloatArray, level: FloatArray, at: BoolArray, use: BoolArray) -> FloatArray:
+    """Return how far values (places, pairs) lie off a line over their level that is fitted to some, NaN but `at`."""
+    count = np.maximum(use.sum(axis=0), 1)
+    x, y = (np.where(use, v, 0.0) for v in (level, values))
+    x0, y0 = x.sum(axis=0) / count, y.sum(axis=0) / count
+    across = np.where(use, level - x0, 0.0)
+    slope = np.clip((across * y).sum(axis=0) / np.maximum((across**2).sum(axis=0), 1e-9), -_GAINS, _GAINS)
+    return np.where(at, np.abs(values - y0 - slope * (level - x0)), np.nan)
 
 
 def _columns(values: FloatArray, share: float) -> FloatArray:
