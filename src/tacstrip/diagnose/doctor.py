@@ -254,9 +254,8 @@ def _examined(part: Log, kinds: Set[str] = FAULTS.keys(), sought: Set[_Place] = 
     humming, no_hum = hum(part, sigma) if "hum" in kinds else ([], "")
     loud = {f.strips for f in humming}
     known = {i for f in removed for i in f.strips}
-    noisy = (
-        [f for f in excess_noise(noise) if f.strips not in loud] if "noise" in kinds else []
-    )  # hum is noise too
+    # Hum is noise, too.
+    noisy = [f for f in excess_noise(noise) if f.strips not in loud] if "noise" in kinds else []
     late = [f for f in (*drifting, *noisy) if not pressed and not known & set(f.strips)]
     findings = [*bits, *reference, *ceiling, *removed, *humming, *late]
     asked = (
@@ -321,11 +320,15 @@ def _remove_dominant(rows: WorkingCopy, tests: Sequence[_Test], sought: Set[_Pla
     while len(rows.there) and not (sought and sought <= {(f, strips) for f, strips, _ in named}):
         edges = {int(rows.order[0]), int(rows.order[-1])}
         faulty = {i for _, strips, _ in named for i in strips}
-        suspected = [
-            s for test in tests for s in test(rows)
-            if s.finding.place not in named
-            and (s.finding.fault != "swapped-strips" or not faulty & set(s.finding.strips))
-        ]  # fmt: skip
+        # A short is what no other pair does: it is looked for once all else is undone that may disturb these.
+        for some in ([t for t in tests if t is not shorts], [t for t in tests if t is shorts]):
+            suspected = [
+                s for test in some for s in test(rows)
+                if s.finding.place not in named
+                and (s.finding.fault != "swapped-strips" or not faulty & set(s.finding.strips))
+            ]  # fmt: skip
+            if suspected:
+                break
         if not suspected:
             break
         suspected.sort(

@@ -129,8 +129,8 @@ class Solid:
         given = _vector("toward", toward)
         length = math.hypot(*given)  # whose squares may be too large for a float
         if not 0.0 < length < math.inf:
-            x, y, z = (f"{v:.6g}" for v in given)
-            raise ContactError(f"toward = ({x}, {y}, {z}): give the direction in which the object is pressed")
+            shown = ", ".join(f"{v:.6g}" for v in given)
+            raise ContactError(f"toward = ({shown}): give the direction in which the object is pressed")
         if not isinstance(turn_rad, int | float | np.number) or not math.isfinite(turn_rad):
             raise ContactError(f"turn_rad = {turn_rad!r}: must be a number")
         up = -given / length
