@@ -82,10 +82,10 @@ def shows_in_bends(log: Log, sound: Log, strips: tuple[int, ...]) -> bool:
             return False
         added = np.nan_to_num(log.k[name] - sound.k[name])
         course = [np.interp(work.time_s, log.time_s, added[:, i])[:, None] for i in strips]
-        for at in range(len(score)):
-            one = model.alternatives({at + i: c for i, c in enumerate(course)})
-            power[at] += one[0][0] / model.sigma**2
-            score[at] += one[1][0] / model.sigma**2
+        every = [{at + i: c for i, c in enumerate(course)} for at in range(len(score))]
+        own, common, _ = model.alternatives(every)
+        power += own[:, 0] / model.sigma**2
+        score += common[:, 0] / model.sigma**2
     z = np.abs(score) / np.sqrt(np.maximum(power, 1e-9))
     far = np.abs(np.arange(len(z)) - strips[0]) > _APART
     return bool(z[strips[0]] > z[far].max(initial=0.0))
@@ -112,7 +112,7 @@ def _z(model: BendModel | None, course: FloatArray, strips: int) -> FloatArray:
     """Return how many standard errors of a course (places,) each strip shows (strips,)."""
     if model is None:
         return np.zeros(strips)
-    found = model.explain(model.effect(course[:, None], strips))
+    found = model.explain(model.rows.effect(course[:, None]))
     return np.asarray(
         np.abs(found.score) / np.sqrt(np.maximum(found.power_of_groups(1).ravel(), 1e-9)) / model.sigma
     )

@@ -262,6 +262,7 @@ PLANE = ts.Solid.plane().at(*POSE)
         (lambda: ts.press(TIP, PLANE, force_n=900.0), "N press the object in by the skin's thickness, 3 mm"),
         (lambda: ts.press(TIP, ts.Solid.sphere(2.0).at((30, 0, 50), (0, 0, -1)), depth_mm=1.0), "does not meet"),
         (lambda: ts.press(TIP, PLANE.at((0, 0, 0), (0, 0, 0)), depth_mm=1.0), "toward = (0, 0, 0): give the direction"),
+        (lambda: PLANE.at((0, 0, 0), (1.7e308, 0, -1.7e308)), "toward = (1.7e+308, 0, -1.7e+308): give the direction"),
         (lambda: PLANE.at((0, 0), (0, 0, 1)), "position_mm = (0, 0): give three numbers, (x, y, z)"),
         (lambda: ts.Solid.sphere(0.0), "radius_mm = 0.0: must be above 0"),
         (lambda: ts.Solid.edge(90.0), "angle_rad = 90.0: an edge has between 0 and pi, and is not in degrees"),

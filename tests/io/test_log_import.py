@@ -429,6 +429,12 @@ def test_a_mapping_with_a_strip_that_is_no_number_is_refused(tmp_path: Path, num
         ColumnMapping.load(tmp_path / "bad.toml")
 
 
+def test_a_mapping_with_a_column_that_is_a_number_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "bad.toml").write_text('unit = "V"\nstrips = 4\n[columns]\na = "h"\nformat = 1\n')
+    with pytest.raises(ts.OptionError, match="columns: format = 1 is no text"):
+        ColumnMapping.load(tmp_path / "bad.toml")
+
+
 def test_the_verb_writes_readings_a_recording_and_the_mapping(tmp_path: Path) -> None:
     sensor, text = FORMS["channels a and b in percent"]
     sensor.save(tmp_path / "s.toml")

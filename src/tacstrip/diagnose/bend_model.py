@@ -8,19 +8,17 @@ neighbours.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import sparse
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.diagnose.neighbour_prediction import WorkingCopy, strips_on_both_sides
 from tacstrip.robust import robust_sigma
 
-_SIDES = ((0, 1.0), (-1, -0.5), (1, -0.5))  # strips of a bend, and their weights
+_SIDES = ((-1, -0.5), (0, 1.0), (1, -0.5))  # strips of a bend, and their weights
 _POWERS = 3  # of the level, in a strip's own error: offset, gain, a bow
 _FEWEST, _FEWEST_SQUARES = 40, 300  # rows, for terms of the shape and for their products
 _MOST_ROWS = 12_000
@@ -28,7 +26,6 @@ _ROBUST = 2.5  # deviations, from which a row loses weight (Cauchy)
 _ROUNDS = 5  # of weighting
 _RIDGE = 1e-2  # of a term's sum of squares: terms that the recording does not determine stay 0
 _FAR = 3.0  # deviations at which terms of the shape are clipped
-_Part = tuple[IntArray, slice, FloatArray]  # rows and columns of terms, and the terms there
 _WAVES, _ROWS_A_WAVE, _WAVE_LENGTH = 100, 4, 2.0  # at most, rows for each at least, and deviations
 
 
@@ -38,193 +35,251 @@ class BendModel:
 
     Attributes
     ----------
-    place, strip
-        Each bend's row in the working copy and its strip's place across (rows,).
+    rows
+        Where the bends are.
     residual, weight
         What shape and constant errors leave over Vref, and its weight (rows,).
     sigma
         Its robust standard deviation.
     """
 
-    place: IntArray
-    strip: IntArray
+    rows: BendRows
     residual: FloatArray
     weight: FloatArray
     sigma: float
-    _own: sparse.csr_matrix
-    _shape: FloatArray
-    _parts: list[_Part]
-    _factor: tuple[FloatArray, bool]  # Cholesky's, of the normal equations
-
-    @classmethod
-    def of(cls, work: WorkingCopy, name: str) -> BendModel | None:
-        """Return the fit of a signature by name, kept with the working copy until that changes."""
-        if name not in work.bends:
-            work.bends[name] = cls.fit(work, work.k[name])
-        found = work.bends[name]
-        assert found is None or isinstance(found, BendModel)
-        return found
+    _terms: _Terms
+    _factor: FloatArray  # Cholesky's, of the normal equations, lower
 
     @classmethod
     def fit(cls, work: WorkingCopy, values: FloatArray, contact: bool = False) -> BendModel | None:
         """Fit readings over Vref (places, strips); None where there are too few bends.
 
         With `contact`, the shape depends on where in the contact a strip lies, too. Source: iteratively reweighted
-        least squares, normal equations split into sparse and dense terms; random Fourier features of the contact
-        (A. Rahimi, B. Recht: Random Features for Large-Scale Kernel Machines, NIPS 2007).
+        least squares; random Fourier features of the contact (A. Rahimi, B. Recht: Random Features for Large-Scale
+        Kernel Machines, NIPS 2007).
         """
         known = work.there & np.isfinite(values)
-        place, strip = np.nonzero(known[:, :-2] & known[:, 1:-1] & known[:, 2:])
-        if len(place) > _MOST_ROWS:
-            every = -(-len(place) // _MOST_ROWS)
-            keep = place % every == 0
-            place, strip = place[keep], strip[keep]
-        strip = strip + 1
-        if len(place) < _FEWEST:
+        rows = work.once((known.tobytes(), contact), lambda: BendRows.of(work, known, contact))
+        if len(rows.place) < _FEWEST:
             return None
-        level = np.stack([values[place, strip + side] for side, _ in _SIDES])
-        bend = level[0] - (level[1] + level[2]) / 2.0
+        left, middle, right = (values[rows.place, rows.strip + side] for side, _ in _SIDES)
+        mean = (left + right) / 2.0
+        bend = middle - mean
         # Its own level holds the strip's error, to which the neighbours' would answer.
-        level = np.stack([(level[1] + level[2]) / 2.0, level[1], level[2]]) - 0.5
-        own = _spread(
-            strip, values.shape[1], [np.stack([x**p for p in range(_POWERS)], axis=1) for x in level]
-        )
-        shape, parts = _shape_terms(work, values, known, place, strip, contact)
+        powers = [(level - 0.5)[:, None] ** np.arange(_POWERS) for level in (left, mean, right)]
+        terms = _Terms(rows, np.hstack([share * p for (_, share), p in zip(_SIDES, powers, strict=True)]))
         weight, residual, sigma = np.ones(len(bend)), bend, np.inf
         for _ in range(_ROUNDS):
             # Before the fit: what is regressed on its residuals later needs the very weights that they come from.
             weight = 1.0 / (1.0 + (residual / (_ROBUST * sigma)) ** 2)
-            weighted = _times(own, weight)
-            corner = _with_shape(weighted, parts)
-            terms = np.zeros((shape.shape[1], shape.shape[1]))
-            for here, columns, part in parts:
-                one = part * np.sqrt(weight[here, None])
-                terms[columns, columns] = one.T @ one
-            normal = np.block([[(weighted.T @ own).toarray(), corner], [corner.T, terms]])
-            normal += _RIDGE * np.eye(len(normal))
-            right = np.concatenate([weighted.T @ bend, shape.T @ (weight * bend)])
-            factor = cho_factor(normal, overwrite_a=True, check_finite=False)
-            found = cho_solve(factor, right, check_finite=False)
-            residual = bend - own @ found[: own.shape[1]] - shape @ found[own.shape[1] :]
+            factor = cho_factor(terms.normal(weight), lower=True, overwrite_a=True, check_finite=False)
+            right_side = np.zeros((terms.many, 1))
+            terms.add_common((weight * bend)[:, None], right_side)
+            residual = bend - terms.of(cho_solve(factor, right_side, check_finite=False))[:, 0]
             sigma = max(float(robust_sigma(residual)), 1e-6)
-        return cls(place, strip, residual, weight, sigma, own, shape, parts, factor)
+        return cls(rows, residual, weight, sigma, terms, factor[0])
 
-    @cached_property
-    def _rows(self) -> list[IntArray]:
-        """The rows of each strip."""
-        ordered = np.argsort(self.strip, kind="stable")
-        strips = self._own.shape[1] // _POWERS
-        return np.split(ordered, np.searchsorted(self.strip[ordered], np.arange(1, strips)))
+    def explain(self, columns: FloatArray) -> Explanation:
+        """Return what columns of each strip explain beyond shape and constant errors: `BendRows.effect`."""
+        weighted = columns * self.weight[:, None]
+        alone = _Terms(replace(self.rows, parts=[]), columns)
+        score = np.zeros((alone.many, 1))
+        alone.add_common((self.weight * self.residual)[:, None], score)
+        return Explanation(alone.common(weighted), score[:, 0], self._reduced(self._terms.common(weighted)))
 
-    def effect(self, change: FloatArray, strips: int) -> sparse.csr_matrix:
-        """Return what changes of each strip's readings do to bends (rows, strips * terms).
-
-        Parameters
-        ----------
-        change
-            Of a strip by the places' rows, several terms (places, terms).
-        """
-        each = change[self.place]
-        return _spread(self.strip, strips, [each] * len(_SIDES))
-
-    def explain(self, columns: sparse.csr_matrix) -> Explanation:
-        """Return what columns (rows, C) explain beyond shape and constant errors."""
-        weighted = _times(columns, self.weight)
-        cross = np.vstack([(self._own.T @ weighted).toarray(), _with_shape(weighted, self._parts).T])
-        whole = (columns.T @ weighted).toarray()
-        return Explanation(
-            whole, weighted.T @ self.residual, cross, cho_solve(self._factor, cross, check_finite=False)
-        )
-
-    def alternatives(self, changes: Mapping[int, FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return what each of several alternatives explains alone: power (A,), score (A,), power without other terms.
+    def alternatives(
+        self, changes: Sequence[Mapping[int, FloatArray]]
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return what alternatives explain alone: power, score, power without other terms, each (changes, A).
 
         Parameters
         ----------
         changes
-            By the place across of the strips that change, their readings' change over Vref (places, A); NaN: none.
+            Of each: by the place across of the strips that change, their readings' change over Vref (places, A) in
+            each of A alternatives; NaN: none.
         """
-        bends = {i + side for i in changes for side, _ in _SIDES}
-        rows = np.sort(np.concatenate([self._rows[i] for i in bends if 0 <= i < len(self._rows)]))
-        place, strip = self.place[rows], self.strip[rows]
-        column = np.zeros((len(rows), next(iter(changes.values())).shape[1]))
-        for side, share in _SIDES:
-            for i, change in changes.items():
-                at = np.flatnonzero(strip + side == i)
-                column[at] += share * np.nan_to_num(change[place[at]])
-        weighted = column * self.weight[rows][:, None]
-        cross = np.vstack([self._own[rows].T @ weighted, self._shape[rows].T @ weighted])
-        whole = np.sum(column * weighted, axis=0)
-        power = whole - np.sum(cross * cho_solve(self._factor, cross, check_finite=False), axis=0)
-        return power, weighted.T @ self.residual[rows], whole
+        many = next(iter(changes[0].values())).shape[1]
+        cross = np.zeros((self._terms.many, len(changes), many))
+        score, whole = np.zeros((2, len(changes), many))
+        for n, change in enumerate(changes):
+            strips = range(max(min(change) - 1, 1), min(max(change) + 2, self.rows.strips - 1))
+            rows = self.rows.of_strips(strips)
+            strip, place = self.rows.strip[rows], self.rows.place[rows]
+            column = np.zeros((len(strip), many))
+            for side, share in _SIDES:
+                for i, one in change.items():
+                    at = strip + side == i
+                    column[at] += share * np.nan_to_num(one[place[at]])
+            weighted = column * self.weight[rows, None]
+            self._terms.add_common(weighted, cross[:, n], strips)
+            score[n], whole[n] = self.residual[rows] @ weighted, np.sum(column * weighted, axis=0)
+        reduced = self._reduced(cross.reshape(len(cross), -1))
+        return whole - np.sum(reduced**2, axis=0).reshape(whole.shape), score, whole
 
-    def beyond(self, rows: IntArray, columns: FloatArray, confounded: FloatArray) -> FloatArray:
-        """Return columns (rows, C) of some rows less what shape and constant errors explain of them."""
-        many = self._own.shape[1]
-        return np.asarray(
-            columns - self._own[rows] @ confounded[:many] - self._shape[rows] @ confounded[many:]
+    def beyond(self, found: Explanation, columns: FloatArray, by: int, shown: int) -> FloatArray:
+        """Return what shape and constant errors leave of a strip's columns in the bends of another (its rows, C)."""
+        many = columns.shape[1] // len(_SIDES)
+        at, own = (slice(i * many, (i + 1) * many) for i in (by, by - shown + 1))
+        confounded = solve_triangular(
+            self._factor, found.reduced[:, at], lower=True, trans="T", check_finite=False
         )
+        strips = range(shown, shown + 1)
+        return np.asarray(columns[self.rows.of_strips(strips), own] - self._terms.of(confounded, strips))
+
+    def _reduced(self, cross: FloatArray) -> FloatArray:
+        """Return what columns (terms, C) have in common with terms, made independent of each other."""
+        return np.asarray(solve_triangular(self._factor, cross, lower=True, check_finite=False))
 
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
     """Normal equations of columns (C) beyond shape and constant errors.
 
-    `whole` (C, C), `score` (C,): power of the columns alone and what they have in common with the residuals; `cross`
-    (terms, C): with shape and constant errors; `confounded` (terms, C): coefficients of these that do the same.
+    `whole` (C, C), `score` (C,): power of the columns alone and what they have in common with the residuals; `reduced`
+    (terms, C): what they have in common with independent combinations of the terms.
     """
 
     whole: FloatArray
     score: FloatArray
-    cross: FloatArray
-    confounded: FloatArray
+    reduced: FloatArray
 
     def power(self, columns: slice) -> FloatArray:
         """Return the power that all columns have in common with some, beyond shape and constant errors (C, some)."""
-        return np.asarray(self.whole[:, columns] - self.confounded.T @ self.cross[:, columns])
+        return np.asarray(self.whole[:, columns] - self.reduced.T @ self.reduced[:, columns])
 
     def power_of_groups(self, many: int) -> FloatArray:
         """Return the power of each group of so many columns by themselves (groups, many, many)."""
         groups = len(self.score) // many
         alone = np.einsum("iaib->iab", self.whole.reshape(groups, many, groups, many))
-        confounded, cross = (v.reshape(-1, groups, many) for v in (self.confounded, self.cross))
-        return np.asarray(alone - confounded.transpose(1, 2, 0) @ cross.transpose(1, 0, 2))
+        reduced = self.reduced.reshape(-1, groups, many)
+        return np.asarray(alone - reduced.transpose(1, 2, 0) @ reduced.transpose(1, 0, 2))
 
 
-def _times(columns: sparse.csr_matrix, weight: FloatArray) -> sparse.csr_matrix:
-    """Return columns (rows, C) times each row's weight (rows,)."""
-    each = np.repeat(weight, np.diff(columns.indptr))
-    return sparse.csr_matrix((columns.data * each, columns.indices, columns.indptr), columns.shape)
+@dataclass(frozen=True, eq=False)
+class BendRows:
+    """Where three neighbours have readings, strip by strip, and the contact's shape there.
+
+    Attributes
+    ----------
+    place, strip
+        Each bend's row in the working copy and its strip's place across (rows,).
+    edges
+        Each strip's first row (strips + 1,).
+    parts
+        Terms of the shape by the strips that are touched beyond the three: rows (n,), each strip's first of these
+        (strips + 1,), terms (n, terms).
+    """
+
+    place: IntArray
+    strip: IntArray
+    edges: IntArray
+    parts: list[tuple[IntArray, IntArray, FloatArray]]
+
+    @classmethod
+    def of(cls, work: WorkingCopy, known: BoolArray, contact: bool) -> BendRows:
+        """Return the rows for readings that are known (places, strips)."""
+        strip, place = np.nonzero((known[:, :-2] & known[:, 1:-1] & known[:, 2:]).T)
+        keep = place % max(-(-len(place) // _MOST_ROWS), 1) == 0
+        place, strip = place[keep], strip[keep] + 1
+        each = np.arange(work.strips + 1)
+        parts = [
+            (here, np.searchsorted(strip[here], each), terms)
+            for here, terms in _shape_terms(work, known, place, strip, contact)
+        ]
+        return cls(place, strip, np.searchsorted(strip, each), parts)
+
+    @property
+    def strips(self) -> int:
+        """Number of strips."""
+        return len(self.edges) - 1
+
+    def of_strips(self, strips: range) -> slice:
+        """Return the rows of some strips."""
+        return slice(int(self.edges[strips.start]), int(self.edges[strips.stop]))
+
+    def effect(self, change: FloatArray) -> FloatArray:
+        """Return what changes of readings (places, terms) do to bends: of the three strips each (rows, 3 * terms)."""
+        each = change[self.place]
+        return np.hstack([share * each for _, share in _SIDES])
 
 
-def _with_shape(columns: sparse.csr_matrix, parts: list[_Part]) -> FloatArray:
-    """Return what columns (rows, C) have in common with the shape's terms (C, terms)."""
-    none = np.zeros((columns.shape[1], 0))
-    return np.concatenate([none, *(columns[here].T @ part for here, _, part in parts)], axis=1)
+@dataclass(frozen=True, eq=False)
+class _Terms:
+    """Terms of bends: of each strip, in its own bend and the next ones' (rows, 3 * terms), and those of the shape."""
 
+    rows: BendRows
+    own: FloatArray
 
-def _spread(strip: IntArray, strips: int, terms: list[FloatArray]) -> sparse.csr_matrix:
-    """Return a matrix (rows, strips * terms) of terms (rows, terms) of each of the three strips of a bend."""
-    rows, many = terms[0].shape
-    columns = [((strip + side)[:, None] * many + np.arange(many)).ravel() for side, _ in _SIDES]
-    data = [weight * term.ravel() for (_, weight), term in zip(_SIDES, terms, strict=True)]
-    row = np.repeat(np.arange(rows), many)
-    at = np.tile(row, len(_SIDES)), np.concatenate(columns)
-    return sparse.csr_matrix((np.concatenate(data), at), (rows, strips * many))
+    @property
+    def many(self) -> int:
+        """Number of terms: of all strips, then of the shape's parts."""
+        each: int = self.own.shape[1] // len(_SIDES)
+        return each * self.rows.strips + sum(len(terms.T) for *_, terms in self.rows.parts)
+
+    def _each(self, strips: range | None) -> Iterator[tuple[slice, slice | IntArray, FloatArray]]:
+        """Yield blocks of the terms of some strips' bends, or all: which terms, which of these strips' rows, values."""
+        strips = strips or range(1, self.rows.strips - 1)
+        each = self.own.shape[1] // len(_SIDES)
+        first = self.rows.edges[strips.start]
+        for strip in strips:
+            rows = self.rows.of_strips(range(strip, strip + 1))
+            at = slice(rows.start - first, rows.stop - first)
+            yield slice(each * (strip - 1), each * (strip + 2)), at, self.own[rows]
+        many = each * self.rows.strips
+        for here, edges, terms in self.rows.parts:
+            some = slice(edges[strips.start], edges[strips.stop])
+            yield slice(many, many + len(terms.T)), here[some] - first, terms[some]
+            many += len(terms.T)
+
+    def add_common(self, columns: FloatArray, out: FloatArray, strips: range | None = None) -> None:
+        """Add to `out` (terms, C) what terms have in common with columns of some strips' rows (rows, C)."""
+        for terms, rows, values in self._each(strips):
+            out[terms] += values.T @ columns[rows]
+
+    def of(self, coefficients: FloatArray, strips: range | None = None) -> FloatArray:
+        """Return the sum of terms times coefficients (terms, C) in some strips' rows (rows, C)."""
+        rows = self.rows.of_strips(strips or range(self.rows.strips))
+        out = np.zeros((rows.stop - rows.start, coefficients.shape[1]))
+        for terms, here, values in self._each(strips):
+            out[here] += values @ coefficients[terms]
+        return out
+
+    def common(self, columns: FloatArray) -> FloatArray:
+        """Return what terms have in common with columns of each strip (rows, 3 * C): (terms, strips * C)."""
+        many = columns.shape[1] // len(_SIDES)
+        out = np.zeros((self.many, many * self.rows.strips), order="F")
+        for strip in range(1, self.rows.strips - 1):
+            one = range(strip, strip + 1)
+            at = slice(many * (strip - 1), many * (strip + 2))
+            self.add_common(columns[self.rows.of_strips(one)], out[:, at], one)
+        return out
+
+    def normal(self, weight: FloatArray) -> FloatArray:
+        """Return the normal equations with these weights (rows,), below their diagonal (terms, terms)."""
+        out = np.zeros((self.many, self.many), order="F")
+        own = self.common(self.own * weight[:, None])
+        many = len(own.T)
+        out[:, :many] = own
+        for here, _, terms in self.rows.parts:
+            one = terms * np.sqrt(weight[here, None])
+            at = slice(many, many + len(terms.T))
+            out[at, at] = one.T @ one
+            many = at.stop
+        out.flat[:: self.many + 1] += _RIDGE
+        return out
 
 
 def _shape_terms(
-    work: WorkingCopy, values: FloatArray, known: BoolArray, place: IntArray, strip: IntArray, contact: bool
-) -> tuple[FloatArray, list[_Part]]:
-    """Return terms of all signatures around each bend (rows, terms): slope, bends of the next strips, products.
+    work: WorkingCopy, known: BoolArray, place: IntArray, strip: IntArray, contact: bool
+) -> Iterator[tuple[IntArray, FloatArray]]:
+    """Yield terms of all signatures around bends: slope, bends of the next strips, products; their rows, and values.
 
-    With `contact` also levels, and waves of all of these and of the strip's place in the contact. Also each part of
-    them, by the strips that are touched: all else is 0.
+    In parts, by the strips that are touched. With `contact` also levels, and waves of all of these and of the strip's
+    place in the contact.
     """
     signatures = list(work.k.values())
     whole = _in_contact(work) if contact else []
     beyond = [np.pad(known, ((0, 0), (1, 1)))[place, strip + 1 + side] for side in (-2, 2)]
-    parts = []
     for left in (False, True):
         for right in (False, True):
             here = np.flatnonzero((beyond[0] == left) & (beyond[1] == right))
@@ -246,15 +301,7 @@ def _shape_terms(
                     around = _scaled([one[place[here], strip[here]] for one in whole])
                     count = min(_WAVES, len(here) // _ROWS_A_WAVE)
                     all_of_it.append(_waves(np.hstack([scaled, around]), count))
-            parts.append((here, np.concatenate(all_of_it, axis=1)))
-    out = np.zeros((len(place), sum(part.shape[1] for _, part in parts)))
-    where, first = [], 0
-    for here, part in parts:
-        columns = slice(first, first + part.shape[1])
-        out[here, columns] = part
-        where.append((here, columns, part))
-        first = columns.stop
-    return out, where
+            yield here, np.concatenate(all_of_it, axis=1)
 
 
 def _scaled(terms: list[FloatArray]) -> FloatArray:

@@ -51,7 +51,7 @@ def on_rails(work: WorkingCopy) -> Iterator[Suspect]:
     values = np.stack([work.k[n] for n in names])  # (signatures, places, strips)
     e, r = (np.stack(a) for a in zip(*(neighbour_residuals(work, n) for n in names), strict=True))
     # Beside one strip on a rail there may be another; not between two that are off it.
-    gap = np.stack([predict_from_neighbours(work.k[n], work.there)[2] for n in names]) / 2.0
+    gap = np.stack([work.prediction(n)[2] for n in names]) / 2.0
     inside = (e - gap > _INSIDE / 2.0) & (e + gap < 1.0 - _INSIDE / 2.0) & (np.abs(e - 0.5) < 0.5 - _INSIDE)
     # With an offset, a channel that lies on a rail reads one value next to it, its lowest or highest.
     rest, floor = _rest(work), _ground(work)
@@ -90,8 +90,8 @@ def on_rails(work: WorkingCopy) -> Iterator[Suspect]:
 
 def _extreme(values: FloatArray) -> FloatArray:
     """Return what channels read at the least, but for strays, wherever they are touched (signatures, 1, strips)."""
-    ordered = np.sort(np.where(np.isfinite(values), values, np.inf), axis=1)
-    return ordered[:, min(_STRAYS, ordered.shape[1] - 1), None]
+    last = min(_STRAYS, values.shape[1] - 1)
+    return np.partition(np.where(np.isfinite(values), values, np.inf), last, axis=1)[:, last, None]
 
 
 def _silent(work: WorkingCopy) -> tuple[BoolArray, FloatArray]:
@@ -102,6 +102,8 @@ def _silent(work: WorkingCopy) -> tuple[BoolArray, FloatArray]:
     """
     sides = np.pad(work.there, ((0, 0), (1, 1)))
     gap = ~work.there & sides[:, :-2] & sides[:, 2:]
+    if not gap.any():
+        return gap, np.zeros(gap.shape)
     e, both, apart = predict_from_neighbours(next(iter(work.k.values())), work.there | gap)
     with np.errstate(invalid="ignore"):
         return gap & both & (apart < _ONE_CONTACT) & (np.abs(e - 0.5) < 0.5 - _INSIDE), e
@@ -239,8 +241,12 @@ def _open_end(at_vref: bool) -> str:
     return f"open at its {end}: look at that clamp and its wire to {wire}"
 
 
-def _followed(work: WorkingCopy) -> Iterator[tuple[str, int, FloatArray, FloatArray, IntArray]]:
-    """Yield the channels whose neighbours move together: signature, strip, readings, predictions, rows (places,)."""
+def _followed(work: WorkingCopy) -> list[tuple[str, int, FloatArray, FloatArray, IntArray]]:
+    """Return the channels whose neighbours move together: signature, strip, readings, predictions, rows (places,)."""
+    return work.once("followed", lambda: list(_followed_channels(work)))
+
+
+def _followed_channels(work: WorkingCopy) -> Iterator[tuple[str, int, FloatArray, FloatArray, IntArray]]:
     for name, values in work.k.items():
         e, _ = neighbour_residuals(work, name)
         known = np.isfinite(e)

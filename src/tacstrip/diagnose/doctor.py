@@ -202,13 +202,15 @@ class _Examined:
 def _examined(part: Log, kinds: Set[str] = FAULTS.keys(), sought: Set[_Place] = frozenset()) -> _Examined:
     """Examine a log for faults of some kinds, but, if any are `sought`, for no more once they are named."""
     sensor = part.sensor
-    noise = measure(part)
+    noise = measure(part, "noise" in kinds)
     sigma = working_sigma(noise)
-    bits, no_bits = stuck_bits(part)
-    ceiling = list(common_ceiling(part, sigma))
+    bits, no_bits = stuck_bits(part) if "bits" in kinds else ([], "")
+    ceiling = list(common_ceiling(part, sigma)) if "saturation" in kinds else []
     geometric = sensor.kind.closed_form
-    pressed = list(pressure(part)) if geometric else []
-    reference, unsure, factor = wrong_reference(part, sigma) if not ceiling and not pressed else ([], [], 1.0)
+    pressed = list(pressure(part)) if geometric and "pressure" in kinds else []
+    reference, unsure, factor = (
+        wrong_reference(part, sigma) if "wrong-vref" in kinds and not (ceiling or pressed) else ([], [], 1.0)
+    )
     work = working_copy(_without_strays(part), sigma)
     work.drop(*np.flatnonzero(left_out_wholly(sensor)).tolist())
     for name, values in work.k.items():
@@ -252,7 +254,8 @@ def _examined(part: Log, kinds: Set[str] = FAULTS.keys(), sought: Set[_Place] = 
     humming, no_hum = hum(part, sigma) if "hum" in kinds else ([], "")
     loud = {f.strips for f in humming}
     known = {i for f in removed for i in f.strips}
-    noisy = [f for f in excess_noise(noise) if f.strips not in loud]  # hum is noise too
+    # Hum is noise, too.
+    noisy = [f for f in excess_noise(noise) if f.strips not in loud] if "noise" in kinds else []
     late = [f for f in (*drifting, *noisy) if not pressed and not known & set(f.strips)]
     findings = [*bits, *reference, *ceiling, *removed, *humming, *late]
     asked = (
@@ -317,11 +320,15 @@ def _remove_dominant(rows: WorkingCopy, tests: Sequence[_Test], sought: Set[_Pla
     while len(rows.there) and not (sought and sought <= {(f, strips) for f, strips, _ in named}):
         edges = {int(rows.order[0]), int(rows.order[-1])}
         faulty = {i for _, strips, _ in named for i in strips}
-        suspected = [
-            s for test in tests for s in test(rows)
-            if s.finding.place not in named
-            and (s.finding.fault != "swapped-strips" or not faulty & set(s.finding.strips))
-        ]  # fmt: skip
+        # A short is what no other pair does: it is looked for once all else is undone that may disturb these.
+        for some in ([t for t in tests if t is not shorts], [t for t in tests if t is shorts]):
+            suspected = [
+                s for test in some for s in test(rows)
+                if s.finding.place not in named
+                and (s.finding.fault != "swapped-strips" or not faulty & set(s.finding.strips))
+            ]  # fmt: skip
+            if suspected:
+                break
         if not suspected:
             break
         suspected.sort(

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy import sparse
 from scipy.ndimage import median_filter
 from scipy.special import fdtrc, ndtri, stdtr  # scipy.stats takes half a second to import
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
-from tacstrip.diagnose.bend_model import BendModel, Explanation
+from tacstrip.diagnose.bend_model import BendModel, BendRows, Explanation
 from tacstrip.diagnose.faults import Finding, Question
 from tacstrip.diagnose.log import Log
 from tacstrip.diagnose.neighbour_prediction import WorkingCopy
@@ -354,13 +353,12 @@ def _against_neighbours(work: WorkingCopy, tau: FloatArray) -> tuple[list[_Chang
         model = BendModel.fit(work, values, contact=True)
         if model is None:
             continue
-        columns = model.effect(time, work.strips)
+        columns = model.rows.effect(time)
         found = model.explain(columns)
         power = found.power_of_groups(_TERMS)
         gain, line = (_gains(found, power, terms, model.sigma) for terms in (_TERMS, 1))
         shown = _shown_at(work.strips)
-        counts = np.bincount(model.strip, minlength=work.strips)[shown]
-        seen |= (counts >= _FEWEST) & _spans(model, tau, work.strips)[shown]
+        seen |= ((np.diff(model.rows.edges) >= _FEWEST) & _spans(model.rows, tau))[shown]
         gain[~seen], line[~seen] = 0.0, 0.0
         for by in {int(np.argmax(gain)), int(np.argmax(line))}:
             change = _looked_at(model, found, columns, by, tau, work)
@@ -421,18 +419,18 @@ def _others(
     return float(gains.max(initial=0.0))
 
 
-def _spans(model: BendModel, tau: FloatArray, strips: int) -> BoolArray:
+def _spans(rows: BendRows, tau: FloatArray) -> BoolArray:
     """Return which strips have bends early and late (strips,)."""
-    first, last = np.full(strips, np.inf), np.full(strips, -np.inf)
-    np.minimum.at(first, model.strip, tau[model.place])
-    np.maximum.at(last, model.strip, tau[model.place])
+    first, last = np.full(rows.strips, np.inf), np.full(rows.strips, -np.inf)
+    np.minimum.at(first, rows.strip, tau[rows.place])
+    np.maximum.at(last, rows.strip, tau[rows.place])
     return np.asarray(last - first >= _SPAN)
 
 
 def _looked_at(
     model: BendModel,
     found: Explanation,
-    columns: sparse.csr_matrix,
+    columns: FloatArray,
     by: int,
     tau: FloatArray,
     work: WorkingCopy,
@@ -442,18 +440,17 @@ def _looked_at(
     A look is a stay of the contact at one height: what shape leaves is alike then. Successive looks are independent.
     """
     shown = int(_shown_at(work.strips)[by])
-    rows = np.flatnonzero(model.strip == shown)
-    if len(rows) < _FEWEST:
+    rows = model.rows.of_strips(range(shown, shown + 1))
+    place = model.rows.place[rows]
+    if len(place) < _FEWEST:
         return None
-    at = np.arange(by * _TERMS, (by + 1) * _TERMS)
-    own = model.beyond(rows, columns[rows][:, at].toarray(), found.confounded[:, at])
-    place = model.place[rows]
+    own = model.beyond(found, columns, by, shown)
     height = np.nanmean(
         np.stack([v[place][:, [shown - 1, shown + 1]].mean(axis=1) for v in work.k.values()]), axis=0
     )
-    look = np.zeros(len(rows), dtype=int)
+    look = np.zeros(len(place), dtype=int)
     start = height[0]
-    for row in range(1, len(rows)):
+    for row in range(1, len(place)):
         apart = place[row] - place[row - 1] > _PAUSE or abs(height[row] - start) > _STEP
         look[row] = look[row - 1] + apart
         start = height[row] if apart else start

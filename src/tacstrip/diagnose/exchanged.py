@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
-from tacstrip.diagnose.neighbour_pairs import neighbour_pair
-from tacstrip.diagnose.neighbour_prediction import (
-    Suspect,
-    WorkingCopy,
-    neighbour_residuals,
-    predict_from_neighbours,
-)
+from tacstrip.diagnose.neighbour_pairs import NeighbourPair, neighbour_pair
+from tacstrip.diagnose.neighbour_prediction import Suspect, WorkingCopy, neighbour_residuals
 from tacstrip.diagnose.regression import correlation, most_of, moved_to_and_fro, passes
 from tacstrip.robust import robust_sigma
 from tacstrip.sensor.exchanged import read_twice
@@ -61,7 +56,7 @@ def swapped_wires(work: WorkingCopy) -> Iterator[Suspect]:
     exchanged = np.flatnonzero(clear & often).tolist()
     least = _OFFSETS if work.sensor.calibration is None else 2.0 * _CROSSED
     offsets = difference - e_h + e_l
-    inside = predict_from_neighbours(work.pair[0], work.there)[1]
+    inside = work.prediction("kh")[1]
     touched = known > 0
     if len(exchanged) > max(2, 0.6 * np.count_nonzero(touched)) and _all_below(mean[touched], least):
         evidence = (
@@ -103,7 +98,7 @@ def tied_wires(work: WorkingCopy) -> Iterator[Suspect]:
     difference = np.abs(work.pair[0] - work.pair[1])
     (e_h, r_h), (e_l, r_l) = (neighbour_residuals(work, name) for name in ("kh", "kl"))
     # A contact that ends there may end in a corner, however long it is beside it.
-    inside = predict_from_neighbours(work.pair[0], work.there)[1]
+    inside = work.prediction("kh")[1]
     long = inside & np.isfinite(r_h + r_l) & (e_h - e_l > max(_LONG, 10.0 * work.sigma))
     long &= (work.pair[0] > _OFFSETS) & (work.pair[1] < 1.0 - _OFFSETS)  # an open strip reads a rail twice
     alike = difference <= max(_TIED, 3.0 * work.sigma)
@@ -233,17 +228,21 @@ def _turn(work: WorkingCopy, strip: int) -> None:
 
 def swapped_strips(work: WorkingCopy) -> Iterator[Suspect]:
     """Find neighbours in the wrong order, by the edges of contacts and by the slope of signatures across them."""
-    slopes = {i: _Slope.of(work, i) for i in range(work.strips - 1)}
+    slopes = {
+        i: _Slope([p for v in work.k.values() if (p := neighbour_pair(v, i))], work.sigma)
+        for i in range(work.strips - 1)
+    }
     usual = float(np.median([t.misfit for t in slopes.values() if t.places] or [0.0]))
     for strip, slope in slopes.items():
-        against, left, right, footprints = _edges(work, strip)
+        against, left, right, gaps = _edges(work, strip)
         at_edge = strip in (0, work.strips - 2)  # contacts go on to one side of the two only
         misfit, exchanged = slope.misfit, slope.misfit_exchanged
         one_sided = min(left, right) == 0 and not (slope.places >= _FEW and exchanged < 0.6 * misfit)
-        # A contact that stays has one gap, however long it stays.
-        few = footprints < (_FOOTPRINTS_AT_EDGE if at_edge else _FOOTPRINTS)
-        alike = few and (at_edge or exchanged > 0.9 * misfit)
-        often = left + right >= 2 * _FEW and against == 0 and not alike
+        often = left + right >= 2 * _FEW and against == 0
+        if often and (at_edge or exchanged > 0.9 * misfit):
+            # A contact that stays has one gap, however long it stays.
+            least = _FOOTPRINTS_AT_EDGE if at_edge else _FOOTPRINTS
+            often = len(np.unique(gaps, axis=0)) >= least
         edges = left + right >= 4 and left + right >= 5 * against and (often or not one_sided)
         clearly = slope.clear and exchanged < (0.25 if at_edge else 0.4) * misfit
         runs_back = clearly and misfit > _UNUSUAL * usual and slope.to_and_fro
@@ -269,35 +268,46 @@ def swapped_strips(work: WorkingCopy) -> Iterator[Suspect]:
             yield work.suspect("swapped-strips", two, "; ".join(evidence), numbers, explained, repair=repair)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Slope:
-    """Two neighbours' difference D against the slope E around them, over Vref.
+    """Two neighbours' difference D against the slope E around them, over Vref, by signature."""
 
-    misfit, misfit_exchanged: standard deviations of D - E and of D + E; their means hold an uncalibrated sensor's
-    offsets. clear: whether E changed by enough, in enough places, and the two lie on the line around them.
-    to_and_fro: whether the contact moved to and fro along the strips.
-    """
+    pairs: Sequence[NeighbourPair]
+    sigma: float
 
-    misfit: float
-    misfit_exchanged: float
-    places: int
-    clear: bool
-    to_and_fro: bool
+    @cached_property
+    def misfit(self) -> float:
+        """Standard deviation of D - E, whose mean holds an uncalibrated sensor's offsets."""
+        return _deviation([p.excess for p in self.pairs])
 
-    @classmethod
-    def of(cls, work: WorkingCopy, strip: int) -> _Slope:
-        pairs = [b for values in work.k.values() if (b := neighbour_pair(values, strip))]
-        if not pairs:
-            return cls(0.0, 0.0, 0, False, False)
-        misfit, misfit_exchanged, slope = (
-            float(np.sqrt(np.mean([np.var(v) for v in values])))
-            for values in zip(*((p.excess, p.difference + p.slope, p.slope) for p in pairs), strict=True)
-        )
-        off = float(np.median(np.concatenate([np.abs(p.offset - np.median(p.offset)) for p in pairs])))
-        places = min(len(p.slope) for p in pairs)
-        clear = places >= _FEW and slope > max(0.004, 4.0 * work.sigma) and off < _OFF_LINE * slope
-        to_and_fro = all(moved_to_and_fro(p.level, work.sigma) for p in pairs)
-        return cls(misfit, misfit_exchanged, places, clear, to_and_fro)
+    @cached_property
+    def misfit_exchanged(self) -> float:
+        """The same of D + E."""
+        return _deviation([p.difference + p.slope for p in self.pairs])
+
+    @property
+    def places(self) -> int:
+        """In how many places both are known."""
+        return min((len(p.slope) for p in self.pairs), default=0)
+
+    @cached_property
+    def clear(self) -> bool:
+        """Whether E changed by enough, in enough places, and the two lie on the line around them."""
+        slope = _deviation([p.slope for p in self.pairs])
+        if self.places < _FEW or slope <= max(0.004, 4.0 * self.sigma):
+            return False
+        off = np.concatenate([np.abs(p.offset - np.median(p.offset)) for p in self.pairs])
+        return float(np.median(off)) < _OFF_LINE * slope
+
+    @property
+    def to_and_fro(self) -> bool:
+        """Whether the contact moved to and fro along the strips."""
+        return all(moved_to_and_fro(p.level, self.sigma) for p in self.pairs)
+
+
+def _deviation(values: Sequence[FloatArray]) -> float:
+    """Return the standard deviation of values of several signatures (places,); 0 of none."""
+    return float(np.sqrt(np.mean([np.var(v) for v in values]))) if values else 0.0
 
 
 def _exchange(work: WorkingCopy, strip: int) -> None:
@@ -306,10 +316,10 @@ def _exchange(work: WorkingCopy, strip: int) -> None:
     work.order[[strip, strip + 1]] = work.order[[strip + 1, strip]]
 
 
-def _edges(work: WorkingCopy, strip: int) -> tuple[int, int, int, int]:
+def _edges(work: WorkingCopy, strip: int) -> tuple[int, int, int, BoolArray]:
     """Count the places where a contact ends between two neighbours, and those where it would with the two exchanged.
 
-    The latter for contacts to the left of the two and to the right, and how many different footprints these had: a
+    The latter for contacts to the left of the two and to the right, and the footprints of these (places, strips): a
     contact with a gap has it on one side, and moves it along.
     """
     clear = _clear(work, slice(max(strip - 1, 0), strip + 3))
@@ -319,8 +329,7 @@ def _edges(work: WorkingCopy, strip: int) -> tuple[int, int, int, int]:
     ends = (a & b & ~c & ~d) | (~a & ~b & c & d) | (first & b & ~c & ~d) | (last & c & ~b & ~a)
     left = (a | first) & ~b & c & ~d
     right = ~a & b & ~c & (d | last)
-    footprints = len(np.unique(work.there[clear][left | right], axis=0))
-    return int(ends.sum()), int(left.sum()), int(right.sum()), footprints
+    return int(ends.sum()), int(left.sum()), int(right.sum()), work.there[clear][left | right]
 
 
 def _clear(work: WorkingCopy, window: slice) -> BoolArray:

@@ -57,7 +57,7 @@ def intermittent(work: WorkingCopy) -> tuple[list[Finding], list[Question]]:
     jumps, away = _jumps(work)
     left, right = strips_on_both_sides(work.there)
     amid = away.any(axis=0) & (left > 0) & (right > 0)
-    lines = [predict_from_neighbours(values, work.there)[0] for values in work.k.values()]
+    lines = [work.prediction(name)[0] for name in work.k]
     lasting = _never_good(work)
     jumps[:, lasting] = 0
     findings = list(_often(work, lasting))
@@ -133,18 +133,21 @@ def _jumps(work: WorkingCopy) -> tuple[IntArray, BoolArray]:
     lasts[:, 1:-1] &= away[:, 2:] | away[:, :-2]
     solid = away & (same | lasts)
     sides = np.pad(np.where(work.there, values, np.nan), ((0, 0), (0, 0), (1, 1)), constant_values=np.nan)
-    beside = np.stack([sides[:, :, :-2], sides[:, :, 2:]])  # (sides, signatures, scans, strips)
+    sound = work.there & ~away
     jumps = np.zeros((len(values), work.strips), int)
-    for gone, good in ((slice(1, None), slice(None, -1)), (slice(None, -1), slice(1, None))):
-        with np.errstate(invalid="ignore"):
-            known = np.isfinite(beside[:, :, gone]) & np.isfinite(beside[:, :, good])
-            off = np.abs(beside[:, :, gone] - beside[:, :, good]) > _STILL
-            off |= np.abs(beside[:, :, gone] - level[:, gone]) < _CLEAR
-            off |= np.abs(beside[:, :, good] - values[:, good]) > _FAR
-            off |= np.abs(values[:, good] - level[:, gone]) < _CLEAR
-            sound = work.there[good] & ~away[:, good]
-        enough = known.all(axis=0) | (known.any(axis=0) & same[gone] & sound.all(axis=0))
-        jumps += (solid[:, gone] & sound & enough & ~(off & known).any(axis=0)).sum(axis=1)
+    for gone, good in ((1, 0), (0, 1)):  # of two scans
+        at = np.s_[:, gone : len(sound[0]) - good], np.s_[:, good : len(sound[0]) - gone]
+        channel, scan, strip = np.nonzero(solid[at[0]] & sound[at[1]])
+        out, back = scan + gone, scan + good
+        # What both neighbours read (sides, jumps).
+        then, now = (sides[channel, t, np.stack([strip, strip + 2])] for t in (out, back))
+        free, own = level[channel, out, strip], values[channel, back, strip]
+        off = (np.abs(then - now) > _STILL) | (np.abs(then - free) < _CLEAR)
+        off |= (np.abs(now - own) > _FAR) | (np.abs(own - free) < _CLEAR)
+        known = np.isfinite(then) & np.isfinite(now)
+        rim = same[out, strip] & sound[:, back, strip].all(axis=0)
+        seen = (known.all(axis=0) | (known.any(axis=0) & rim)) & ~(off & known).any(axis=0)
+        np.add.at(jumps, (channel[seen], strip[seen]), 1)
     return jumps, away
 
 
@@ -172,10 +175,10 @@ def _often(work: WorkingCopy, lasting: BoolArray) -> Iterator[Finding]:
     gone = _gaps(work)
     found: dict[str, list[_Seen]] = {}
     for name, values in work.k.items():
-        e, both, gap = predict_from_neighbours(values, work.there)
+        e, both, gap = work.prediction(name)
         inner = both & (gap < 0.3)
-        both[:, [0, -1]] = np.isfinite(e[:, [0, -1]])
-        steady = both & (gap < 0.3)
+        steady = inner.copy()
+        steady[:, [0, -1]] = (np.isfinite(e) & (gap < 0.3))[:, [0, -1]]
         free = np.any([np.abs(values - level) < near for level in {0.0, rest, 1.0}], axis=0)
         with np.errstate(invalid="ignore"):
             # Beside a contact's rim, noise of a strip that rests makes it count as touched.

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from tacstrip.diagnose.log import Log
 from tacstrip.sensor.spec import Sensor
 
 Array = TypeVar("Array", FloatArray, BoolArray)
+Made = TypeVar("Made")
 
 _ACROSS, _STRAY = (
     3,
@@ -54,10 +55,7 @@ class WorkingCopy:
     order: IntArray
     on_rail: BoolArray
     time_s: FloatArray
-    _residuals: dict[str, tuple[FloatArray, FloatArray]] = field(default_factory=dict, init=False)
-    bends: dict[str, object] = field(
-        default_factory=dict, init=False
-    )  # `bend_model.BendModel.of` keeps its fits here
+    _made: dict[Hashable, Any] = field(default_factory=dict, init=False)
 
     @property
     def pair(self) -> tuple[FloatArray, FloatArray] | None:
@@ -87,9 +85,19 @@ class WorkingCopy:
         return np.asarray((count >= _OFTEN_ALONE) & (self.there.mean(axis=0) > _ALWAYS))
 
     def changed(self) -> None:
-        """Forget what was computed from readings that have changed."""
-        self._residuals.clear()
-        self.bends.clear()
+        """Forget what was made of readings that have changed."""
+        self._made.clear()
+
+    def once(self, name: Hashable, make: Callable[[], Made]) -> Made:
+        """Return what is made of the readings; it is made once until they change, and nobody may alter it."""
+        if name not in self._made:
+            self._made[name] = make()
+        made: Made = self._made[name]
+        return made
+
+    def prediction(self, name: str) -> tuple[FloatArray, BoolArray, FloatArray]:
+        """Return `predict_from_neighbours` of a signature."""
+        return self.once(("prediction", name), lambda: predict_from_neighbours(self.k[name], self.there))
 
     def suspect(
         self, fault: str, strips: Sequence[int], evidence: str, numbers: Mapping[str, float], explained: float,
@@ -142,7 +150,7 @@ def places(work: WorkingCopy, most: int = 1 << 30) -> WorkingCopy:
     group = np.zeros(len(values), dtype=int)
     start, number = 0, 0
     for t in range(1, len(values)):
-        moved = np.nanmax(np.abs(values[t] - values[start]), initial=0.0) > threshold
+        moved = np.fmax.reduce(np.abs(values[t] - values[start]), axis=None, initial=0.0) > threshold
         if moved or t - start >= most or not (work.there[t] == work.there[start]).all():
             start, number = t, number + 1
         group[t] = number
@@ -188,15 +196,16 @@ def neighbour_residuals(work: WorkingCopy, name: str) -> tuple[FloatArray, Float
     A strip that is ever between two others counts only where it is: extrapolation is inaccurate. So is interpolation
     between two contacts.
     """
-    if name in work._residuals:
-        return work._residuals[name]
-    values = work.k[name]
-    e, both, gap = predict_from_neighbours(values, work.there)
-    known = np.isfinite(e) & np.isfinite(values) & ~(gap > _ONE_CONTACT)
-    inside = both & known
-    e = np.where(inside | (known & ~inside.any(axis=0)), e, np.nan)
-    work._residuals[name] = e, values - e
-    return work._residuals[name]
+
+    def made() -> tuple[FloatArray, FloatArray]:
+        values = work.k[name]
+        e, both, gap = work.prediction(name)
+        known = np.isfinite(e) & np.isfinite(values) & ~(gap > _ONE_CONTACT)
+        inside = both & known
+        e = np.where(inside | (known & ~inside.any(axis=0)), e, np.nan)
+        return e, values - e
+
+    return work.once(("residuals", name), made)
 
 
 def strips_beside(there: BoolArray) -> FloatArray:
@@ -220,22 +229,25 @@ def moved_across(right_less_left: FloatArray) -> bool:
 
 def _side(
     values: FloatArray, there: BoolArray, step: int
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the nearest usable value on one side and its distance, then those of the next one (rows, strips)."""
-    near, far = np.full_like(values, np.nan), np.full_like(values, np.nan)
-    d_near, d_far = np.full_like(values, np.nan), np.full_like(values, np.nan)
-    alive = np.ones_like(there)
+) -> tuple[FloatArray, IntArray, FloatArray, IntArray]:
+    """Return the nearest usable value on one side and its distance, then those of the next one (rows, strips).
+
+    NaN and 0 where there is none.
+    """
+    near, far = np.full((2, *values.shape), np.nan)
+    d_near, d_far = np.zeros((2, *values.shape), dtype=int)
+    alive, no_near, no_far = np.ones((3, *values.shape), dtype=bool)
     for distance in range(1, _REACH + 2):
-        alive = alive & _shift(there, step * distance, False)
+        alive &= _shift(there, step * distance, False)
         value = _shift(values, step * distance, np.nan)
         usable = alive & np.isfinite(value)
-        second = usable & np.isfinite(near) & np.isnan(far)
-        first = usable & np.isnan(near)
-        if distance > _REACH:
-            first[:] = False
-        for mask, kept, at in ((first, near, d_near), (second, far, d_far)):
-            kept[mask] = value[mask]
-            at[mask] = distance
+        first, second = usable & no_near & (distance <= _REACH), usable & ~no_near & no_far
+        for mask, none, kept, at in ((first, no_near, near, d_near), (second, no_far, far, d_far)):
+            np.copyto(kept, value, where=mask)
+            np.copyto(at, distance, where=mask)
+            none &= ~mask
+        if not (alive & no_far).any():
+            break
     return near, d_near, far, d_far
 
 

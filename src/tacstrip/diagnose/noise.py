@@ -64,8 +64,12 @@ class NoiseEstimate:
     white: BoolArray
 
 
-def measure(log: Log) -> NoiseEstimate:
-    """Measure the noise of touched strips, and of untouched ones that have readings."""
+def measure(log: Log, of_each: bool = True) -> NoiseEstimate:
+    """Measure the noise of touched strips, and of untouched ones that have readings.
+
+    `of_each`: whether `least` and `white` are asked for, which take differences of every order.
+    """
+    orders = _POWERS if of_each else (1, _ORDER)
     strips, least = (np.full(log.sensor.strips, np.nan) for _ in range(2))
     white = np.ones(log.sensor.strips, dtype=bool)
     pooled: list[FloatArray] = []
@@ -78,10 +82,10 @@ def measure(log: Log) -> NoiseEstimate:
         # Relative to its neighbours a reading has 1.5 times the variance.
         found = {
             order: [
-                _deviations(one, since, order, power * share)
+                _deviations(one, since, order, _POWERS[order] * share)
                 for one, share in ((values, 1.0), (relative, 1.5))
             ]
-            for order, power in _POWERS.items()
+            for order in orders
         }
         each = {order: np.fmin(*two) for order, two in found.items()}
         white &= _one_noise(each, np.isfinite(values))
@@ -204,11 +208,10 @@ def _deviations(values: FloatArray, since: IntArray, order: int, power: float) -
     """
     steps = np.diff(values, n=order, axis=0)
     steps[since[order:] != since[:-order]] = np.nan
+    if not len(steps):
+        return np.full(steps.shape[1], np.nan)
     enough = np.isfinite(steps).sum(axis=0) >= _FEWEST
-    out = np.full(len(enough), np.nan)
-    if enough.any():
-        out[enough] = robust_sigma(steps[:, enough], axis=0) / math.sqrt(power)
-    return out
+    return np.where(enough, robust_sigma(steps, axis=0) / math.sqrt(power), np.nan)
 
 
 def _sigma_across_strips(log: Log) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.diagnose.faults import Question
-from tacstrip.diagnose.neighbour_prediction import WorkingCopy, predict_from_neighbours
+from tacstrip.diagnose.neighbour_prediction import WorkingCopy
 
 _FAR, _SURE = (
     0.15,
@@ -32,7 +32,7 @@ def questions(work: WorkingCopy, named: set[int]) -> Iterator[Question]:
     """
     far, clear, lines = {}, {}, {}
     for name, values in work.k.items():
-        e, both, gap = predict_from_neighbours(values, work.there)
+        e, both, gap = work.prediction(name)
         known = both & np.isfinite(values) & (gap < _STEEP)
         far[name] = known & (np.abs(values - np.where(known, e, 0.0)) > max(_FAR, _SURE * work.sigma))
         clear[name], lines[name] = known, e

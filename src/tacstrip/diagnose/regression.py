@@ -68,17 +68,13 @@ def repeats(values: FloatArray, rows: IntArray, sigma: float) -> bool:
     one = rows[::step]
     read = values[one]
     known = np.isfinite(read)
-    both = (known[:, None] & known[None]).sum(axis=2)
+    both = (known.astype(float) @ known.T).astype(int)
     differ = known.sum(axis=1)[:, None] + known.sum(axis=1)[None] - 2 * both
-    filled = np.nan_to_num(read)
-    apart = np.abs(filled[:, None] - filled[None])
-    apart[~(known[:, None] & known[None])] = 0.0
-    alike = (
-        (differ <= np.minimum(_FLICKER, both // 4))
-        & (both >= _COMPARED)
-        & (apart.max(axis=2) < max(_LIKE, _LIKE_NOISE * sigma))
-    )
+    alike = (differ <= np.minimum(_FLICKER, both // 4)) & (both >= _COMPARED)
     alike &= np.abs(one[:, None] - one[None]) > len(values) * _LATER
+    i, j = np.nonzero(alike)
+    apart = np.fmax.reduce(np.abs(read[i] - read[j]), axis=1)
+    alike[i, j] = apart < max(_LIKE, _LIKE_NOISE * sigma)
     # What comes next is alike there, too, on the way there or back: other ways only cross.
     on = max(_NEXT // step, 1)
     there, back = alike[:-on, :-on] & alike[on:, on:], alike[:-on, on:] & alike[on:, :-on]

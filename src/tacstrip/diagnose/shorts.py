@@ -238,17 +238,19 @@ def _scatter(values: FloatArray, level: FloatArray, at: BoolArray) -> FloatArray
     """
     use = at & np.isfinite(values)
     enough = use.sum(axis=0) >= _MANY
-    off = np.full(values.shape, np.nan)
-    for _ in range(2):
-        count = np.maximum(use.sum(axis=0), 1)
-        x, y = (np.where(use, v, 0.0) for v in (level, values))
-        x0, y0 = x.sum(axis=0) / count, y.sum(axis=0) / count
-        across = np.where(use, level - x0, 0.0)
-        slope = np.clip((across * y).sum(axis=0) / np.maximum((across**2).sum(axis=0), 1e-9), -_GAINS, _GAINS)
-        off = np.where(at, np.abs(values - y0 - slope * (level - x0)), np.nan)
-        off[:, ~enough] = np.nan
-        use = off <= 3.0 * _columns(off, 0.5)
+    off = _off_line(values, level, at, use)
+    off = _off_line(values, level, at, off <= 3.0 * _columns(off, 0.5))
     return np.where(enough, _columns(off, _MOST), np.nan)
+
+
+def _off_line(values: FloatArray, level: FloatArray, at: BoolArray, use: BoolArray) -> FloatArray:
+    """Return how far values (places, pairs) lie off a line over their level that is fitted to some, NaN but `at`."""
+    count = np.maximum(use.sum(axis=0), 1)
+    x, y = (np.where(use, v, 0.0) for v in (level, values))
+    x0, y0 = x.sum(axis=0) / count, y.sum(axis=0) / count
+    across = np.where(use, level - x0, 0.0)
+    slope = np.clip((across * y).sum(axis=0) / np.maximum((across**2).sum(axis=0), 1e-9), -_GAINS, _GAINS)
+    return np.where(at, np.abs(values - y0 - slope * (level - x0)), np.nan)
 
 
 def _columns(values: FloatArray, share: float) -> FloatArray:
@@ -373,35 +375,33 @@ def _outstanding(
     `among`: the pairs that may be yielded; `gains`: the least, inside and at the edges; `times`: of those of pairs
     further away; `weakest`: the least of a bridge's ideal effect.
     """
-    pairs = range(work.strips - 1)
-    models = [BendModel.of(work, name) for name in work.k]
-    found = {strip: _best(models, changes(strip)) for strip in among}
-    enough = [
-        strip for strip, bridge in found.items()
-        if weakest < bridge.strength < _STRENGTH[1] and bridge.gain > gains[strip in (0, pairs[-1])]
-    ]  # fmt: skip
-    if not enough:
-        return
-    found |= {strip: _best(models, changes(strip)) for strip in pairs if strip not in found}
-    for strip in sorted(enough):
-        bridge = found[strip]
-        others = max((b.gain for i, b in found.items() if abs(i - strip) > _APART), default=math.inf)
-        near = max((b.gain for i, b in found.items() if 0 < abs(i - strip) <= _APART), default=0.0)
+    models = [BendModel.fit(work, values) for values in work.k.values()]
+    found = _best(models, [changes(i) for i in range(work.strips - 1)])
+    gain = np.array([bridge.gain for bridge in found])
+    for strip in sorted(among):
+        bridge, apart = found[strip], np.abs(np.arange(len(found)) - strip)
+        at_edge = strip in (0, len(found) - 1)
+        if not weakest < bridge.strength < _STRENGTH[1] or bridge.gain <= gains[at_edge]:
+            continue
+        others = float(gain[apart > _APART].max()) if (apart > _APART).any() else math.inf
+        near = gain[(apart > 0) & (apart <= _APART)].max(initial=0.0)
         if bridge.gain > max(times * others, near):
             yield strip, bridge, others
 
 
-def _best(models: Sequence[BendModel | None], changes: Sequence[Mapping[int, FloatArray]]) -> _Bridge:
-    """Return the alternative that explains most of two strips' bends, all signatures together."""
-    power, score, whole = np.zeros((3, next(iter(changes[0].values())).shape[1]))
-    for model, change in zip(models, changes, strict=True):
+def _best(
+    models: Sequence[BendModel | None], changes: Sequence[Sequence[Mapping[int, FloatArray]]]
+) -> list[_Bridge]:
+    """Return of each pair the alternative that explains most of its strips' bends, all signatures together."""
+    power, score, whole = np.zeros((3, len(changes), next(iter(changes[0][0].values())).shape[1]))
+    for model, of_pairs in zip(models, zip(*changes, strict=True), strict=True):
         if model is not None:
-            for total, part in zip((power, score, whole), model.alternatives(change), strict=True):
+            for total, part in zip((power, score, whole), model.alternatives(of_pairs), strict=True):
                 total += part / model.sigma**2
     strength = np.where(power > _CONFOUNDED * whole, score / np.maximum(power, 1e-12), 0.0)
     gain = np.where(strength > 0.0, strength * score, 0.0)
-    best = int(np.argmax(gain))
-    return _Bridge(float(strength[best]), float(gain[best]), best)
+    best = np.argmax(gain, axis=1)
+    return [_Bridge(float(strength[i, b]), float(gain[i, b]), int(b)) for i, b in enumerate(best)]
 
 
 def bridge_effect(level: FloatArray, low: float | FloatArray, high: float | FloatArray) -> FloatArray:

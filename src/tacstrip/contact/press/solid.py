@@ -126,13 +126,14 @@ class Solid:
         ContactError
             A vector is not three numbers, or `toward` has no length.
         """
-        up = -_vector("toward", toward)
-        length = float(np.linalg.norm(up))
-        if length == 0.0:
-            raise ContactError("toward = (0, 0, 0): give the direction in which the object is pressed")
+        given = _vector("toward", toward)
+        length = math.hypot(*given)  # whose squares may be too large for a float
+        if not 0.0 < length < math.inf:
+            shown = ", ".join(f"{v:.6g}" for v in given)
+            raise ContactError(f"toward = ({shown}): give the direction in which the object is pressed")
         if not isinstance(turn_rad, int | float | np.number) or not math.isfinite(turn_rad):
             raise ContactError(f"turn_rad = {turn_rad!r}: must be a number")
-        up = up / length
+        up = -given / length
         flat = math.hypot(up[0], up[1])
         cos, sin = (up[0] / flat, up[1] / flat) if flat > 1e-12 else (1.0, 0.0)
         south = np.array([up[2] * cos, up[2] * sin, -flat])

@@ -142,6 +142,9 @@ class ColumnMapping:
             raise OptionError(f"{path}: {lack[0]} is missing; let `tacstrip import` write one to see")
         if given.get("format", 1) != 1:
             raise OptionError(f"{path}: format = {given['format']}: this version reads format 1")
+        for name, what in given["columns"].items():
+            if not isinstance(what, str):
+                raise OptionError(f'{path}: columns: {name} = {what!r} is no text; write "h", "l" or "out"')
         for key in ("untouched", "only"):
             given[key] = tuple(map(str, given.get(key, ())))
         made = cls(**given)
