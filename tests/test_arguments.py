@@ -131,7 +131,7 @@ def test_objects_show_themselves_in_a_line() -> None:
         "<Contact: 1 polygon, 2 points, x 1 to 70, y 2 to 70 mm>": C + ts.Contact.points([(1, 2), (3, 4)]),
         "<Footprint: 25 touched (10 to 34), l ": ts.footprint(S, C),
         "<Footprint of 2 contacts: 25 touched": ts.footprint(S, [C, C]),
-        "<Reconstruction by polygon at 0 s: ok, 1 object, <RecoveredObject: ok, 3 vertices, ": fit,
+        "<Reconstruction by polygon at 0 s: ok, 1 object, <RecoveredObject: ok, 3 corners, ": fit,
         "<RecoveredObject: too few strips, strips 4 to 4>": ts.RecoveredObject(
             slice(4, 5), status="too few strips"
         ),

@@ -20,3 +20,6 @@ def test_the_drawn_outline_has_the_area_and_orientation_of_the_ellipse(ratio: fl
     assert found.model is not None
     assert found.orientation == pytest.approx(angle, abs=1e-3)  # .012-.019 with corners moved in y alone
     assert found.area == pytest.approx(np.pi * 625.0, rel=1e-4)
+    assert repr(found).startswith("<RecoveredObject: ok, ellipse, ")
+    (record,) = ts.object_records([ts.Reconstruction("polygon", (found,))])
+    assert (record["kind"], record["corners"]) == ("ellipse", None)

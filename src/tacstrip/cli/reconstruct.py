@@ -241,7 +241,7 @@ def _line(
     if found.found:
         x, y = found.centroid
         text += "" if found.pose is None else f", turned by {np.rad2deg(found.pose.angle):.4g} deg"
-        text += f", {len(found.vertices)} corners, {found.area:.6g} mm2 at x = {x:.5g}, y = {y:.5g} mm"
+        text += f", {found.outlined}, {found.area:.6g} mm2 at x = {x:.5g}, y = {y:.5g} mm"
         text += "" if found.confidence is None else f", confidence {found.confidence:.2f}"
         others = ", ".join(f"{a.weight:.2f}" for a in found.alternatives)
         text += f", alternatives {others}" if others else ""

@@ -55,6 +55,11 @@ class Ellipse:
         return 3
 
     @property
+    def kind(self) -> str:
+        """What it is called."""
+        return "ellipse"
+
+    @property
     def complexity(self) -> int:
         """What it counts for in the criterion: one vertex."""
         return 1

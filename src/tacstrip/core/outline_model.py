@@ -23,6 +23,10 @@ class OutlineModel(Protocol):
         """Return the least-squares outline of this model near another one, as tracking goes on from scan to scan."""
 
     @property
+    def kind(self) -> str:
+        """What it is called, such as "polygon"."""
+
+    @property
     def cost(self) -> float:
         """Squared residuals over sigma^2, and what the prior of the ends' x adds."""
 

@@ -68,6 +68,11 @@ class PolygonFit:
         return 2 * self.n_interior + 2 + int(self.vertical_ends[0] + self.vertical_ends[1])
 
     @property
+    def kind(self) -> str:
+        """What it is called."""
+        return "polygon"
+
+    @property
     def complexity(self) -> int:
         """Interior vertices, m."""
         return self.n_interior

@@ -85,7 +85,8 @@ def feature_collection(results: Sequence[Reconstruction]) -> dict[str, Any]:
     dict
         Without a shape the geometry is null, or for the status "points" a MultiPoint with point_sigma_mm. Round
         a closed tube x goes on beyond the circumference where an object lies across the seam. Properties: scan,
-        time_s, method, status, advice, and where there is a shape area_mm2, centroid_mm and orientation_rad (of
+        time_s, method, status, advice, and where there is a shape kind (of the outline, such
+        as polygon), area_mm2, centroid_mm and orientation_rad (of
         the longer principal axis, from x). Where the shape has a covariance, standard deviations:
         area_sigma_mm2, centroid_sigma_mm, orientation_sigma_rad, and vertex_sigma_mm, x and y of every vertex;
         null for what the readings do not determine. Where it was assessed, confidence, and alternatives: other
@@ -154,6 +155,7 @@ def _feature(recovered: RecoveredObject | None, properties: dict[str, Any]) -> d
         ring = plain([*recovered.vertices, recovered.vertices[0]], 9)
         geometry = {"type": "Polygon", "coordinates": [ring]}
         properties |= {
+            "kind": recovered.kind,
             "area_mm2": recovered.area,
             "centroid_mm": plain(recovered.centroid),
             "orientation_rad": recovered.orientation,

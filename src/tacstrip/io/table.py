@@ -39,9 +39,10 @@ def object_records(
     -------
     list of dict
         All with the same keys: scan (the place in `results`), time_s, object (from 1, left to right), method, status,
-        confidence, corners (how many), area_mm2, centroid_x_mm, centroid_y_mm and orientation_rad (of the longer
-        principal axis, from x), each with its standard deviation (area_sigma_mm2, ...); of a known object
-        (`tacstrip.fit_object`) also angle_rad, by which it is turned, with angle_sigma_rad; with `truth` also iou.
+        confidence, kind (of the outline), corners (how many, of a polygon), area_mm2, centroid_x_mm, centroid_y_mm and
+        orientation_rad (of the longer principal axis, from x), each with its standard deviation (area_sigma_mm2, ...);
+        of a known object (`tacstrip.fit_object`) also angle_rad, by which it is turned, with angle_sigma_rad; with
+        `truth` also iou.
         None where nothing is known, as in GeoJSON; a scan without contact has one record, and an object without a
         shape an iou of 0.
 
@@ -102,7 +103,8 @@ def _record(about: dict[str, Any], found: RecoveredObject | None, number: int, p
     record = {key: about[key] for key in ("scan", "time_s")}
     record["object"] = None if found is None else number
     record |= {key: about.get(key) for key in ("method", "status", "confidence")}
-    record["corners"] = None if found is None else len(found.vertices)
+    record["kind"] = about.get("kind")
+    record["corners"] = len(found.vertices) if found is not None and found.kind == "polygon" else None
     record |= {key: about.get(key) for key in ("area_mm2", "area_sigma_mm2")}
     record |= {"centroid_x_mm": x, "centroid_x_sigma_mm": x_sigma}
     record |= {"centroid_y_mm": y, "centroid_y_sigma_mm": y_sigma}

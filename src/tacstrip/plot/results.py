@@ -473,10 +473,11 @@ def _explained(
     for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
         entries.setdefault(str(label), handle)
     if with_regions and any(regions(o.found.vertices, o.found.covariance) for o in objects):
+        point = "corner" if all(o.found.kind == "polygon" for o in objects) else "point"
         larger = "" if magnify == 1.0 else f", {magnify:g} times larger"
         colours = {o.colour for o in objects}  # of several, as over time, none stands for all
         colour = colours.pop() if len(colours) == 1 else TRUE
-        entries[f"95 % region of a corner{larger}"] = Patch(facecolor=colour, alpha=0.25)
+        entries[f"95 % region of a {point}{larger}"] = Patch(facecolor=colour, alpha=0.25)
     if any(o.found.bounds is not None for o in objects):
         entries["hidden behind another piece"] = Line2D([], [], color=TRUE, linestyle="--")
         entries["smallest and largest"] = Line2D([], [], color=TRUE, linestyle=":")

@@ -120,7 +120,11 @@ class RecoveredObject(Drawn):
         Places in `vertices.ravel()` whose error is uniform, not normal: x of a vertical end, which lies anywhere
         within a pitch.
     model
-        The model whose outline this is, where it is no polygon: the vertices then draw a curve, and are no corners.
+        The model whose outline this is, where it is no polygon.
+    kind
+        What the outline is: "polygon", else the vertices draw it, and are no corners: "ellipse"; of one signature also
+        "rounded", "disc", "segment of a disc", "rectangle" (with round corners, too), "trapezoid", the last two
+        "upright" as well.
     confidence
         Probability that it is one object, and its outline overlaps the true one by an IoU of .8 or more; None where
         that was not assessed, or the readings are not explained.
@@ -168,6 +172,7 @@ class RecoveredObject(Drawn):
     guarantee: Guarantee | None = None
     uniform: tuple[int, ...] = ()
     model: type[OutlineModel] | None = None
+    kind: str = "polygon"
     confidence: float | None = None
     alternatives: tuple[Alternative, ...] = ()
     pose: Pose | None = None
@@ -188,13 +193,18 @@ class RecoveredObject(Drawn):
         if not self.found:
             return f"<RecoveredObject: {self.status}, {where}>"
         x, y = self.centroid
-        shape = f"{len(self.vertices)} vertices, {self.area:.4g} mm2 at x = {x:.4g}, y = {y:.4g} mm"
+        shape = f"{self.outlined}, {self.area:.4g} mm2 at x = {x:.4g}, y = {y:.4g} mm"
         return f"<RecoveredObject: {self.status}, {shape}, {where}>"
 
     @property
     def found(self) -> bool:
         """Whether there is a shape."""
         return len(self.vertices) > 0
+
+    @property
+    def outlined(self) -> str:
+        """In words: how many corners the outline has, or what else it is."""
+        return f"{len(self.vertices)} corners" if self.kind == "polygon" else self.kind
 
     @property
     def guaranteed(self) -> list[FloatArray] | None:

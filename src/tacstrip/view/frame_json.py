@@ -76,6 +76,7 @@ def _object(one: LiveObject, sensor: Sensor) -> dict[str, Any]:
     drawn["vertices"] = plain(shape.vertices, 3)
     if shape.found:
         area = shape.area if shape.on_skin is None else shape.on_skin.area_mm2
+        drawn["outlined"] = shape.outlined
         drawn["area"], drawn["centroid"] = round(area, 2), plain(shape.centroid, 2)
         drawn["regions"] = [plain(region, 3) for region in coarse_regions(shape.vertices, shape.covariance)]
     if shape.profile is not None:

@@ -32,7 +32,7 @@ from tacstrip.reconstruction.polygon.convexity import (
 )
 from tacstrip.reconstruction.polygon.faulty_channel import contradictory, one_end_off
 from tacstrip.reconstruction.polygon.run import MOST_SIGMA, RunFit, residual_sums
-from tacstrip.reconstruction.posterior.family_outline import FamilyOutline
+from tacstrip.reconstruction.posterior.family_outline import ROUNDED, FamilyOutline
 from tacstrip.sensor.spec import Sensor
 
 _ALARM = 3.5  # standard deviations of a test's statistic
@@ -321,8 +321,10 @@ def weakness(
     if isinstance(model, Ellipse):
         return "this contact looks round: the outline is the ellipse that explains the readings better than corners"
     if isinstance(model, FamilyOutline):
+        article = "an" if model.kind[0] in "aeiou" else "a"
+        like = model.kind if model.kind == ROUNDED else f"like {article} {model.kind}"
         return (
-            f"this contact looks {model.kind}: the outline is the commonest of such that explain the readings; "
+            f"this contact looks {like}: the outline is the commonest of such that explain the readings; "
             "take the outline, not the vertices"
         )
     assert isinstance(model, PolygonFit)

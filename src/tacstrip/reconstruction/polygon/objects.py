@@ -234,6 +234,7 @@ def reconstruct_object(
         guarantee=given.guarantee,
         uniform=_upright(outline, covariance, sensor) if isinstance(given.model, PolygonFit) else (),
         model=None if isinstance(given.model, PolygonFit) else type(given.model),
+        kind=given.model.kind,
         confidence=confidence,
         alternatives=alternatives,
         faulty=tuple(

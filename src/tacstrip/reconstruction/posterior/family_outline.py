@@ -24,7 +24,7 @@ class FamilyOutline:
     Attributes
     ----------
     kind
-        What it looks: `ROUNDED`, or like which regular outline.
+        `ROUNDED`, or the name of a regular outline.
     lower, upper
         Its chains (M, 2), (N, 2).
     lower_off, upper_off

@@ -209,7 +209,7 @@ class Ros2:
                 ((numbers[o.id], o) for o in last.objects if o.id in numbers), key=itemgetter(0)
             ):
                 shape = one.shape
-                values = {"id": one.id, "status": shape.status, "corners": len(shape.vertices),
+                values = {"id": one.id, "status": shape.status, "outline": shape.outlined,
                           "area_mm2": f"{shape.area:.6g}"}  # fmt: skip
                 level = OK if shape.status == "ok" else WARN
                 statuses.append(Status(level, f"object_{number}", shape.advice or shape.status, values))

@@ -157,7 +157,7 @@ function list(found) {
     const item = document.createElement("li");
     const part = (kind, text, css) => { const e = document.createElement(kind); e.textContent = text; if (css) e.className = css; item.append(e); return e; };
     part("b", one.id);
-    part("span", one.vertices.length ? `${one.vertices.length} corners, ${one.area.toFixed(0)} mm², at ${one.centroid[0]}, ${one.centroid[1]}` : "no shape");
+    part("span", one.vertices.length ? `${one.outlined}, ${one.area.toFixed(0)} mm², at ${one.centroid[0]}, ${one.centroid[1]}` : "no shape");
     const sure = one.confidence === undefined ? "" : ` ${Math.round(100 * one.confidence)} %`;
     part("span", one.status + sure, "status").dataset.s = one.status;
     const others = one.alternatives || [];

@@ -85,10 +85,7 @@ class RegularDraws:
 
     def _corners(self, best: int, left: float, right: float) -> FloatArray:
         """Return at which parts of what is seen of an outline, from left to right, its edges begin and end."""
-        one = self._outlines.at(np.array([best]))
-        shape, on = self._placement.shape(one), self._placement.placed(one, np.zeros(0))
-        first, last = shape.box[:2]
-        x = on.left + (on.right - on.left) * (shape.marks[0] - first) / (last - first)
+        x = self._placement.marks(self._outlines.at(np.array([best])))
         part = np.round((x - left) / (right - left), 6)
         return np.asarray(part[(part > 0.0) & (part < 1.0)])
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -13,13 +14,13 @@ from tacstrip.arrays import BoolArray, FloatArray, IntArray
 Floats: TypeAlias = npt.NDArray[np.floating[Any]]  # of the precision that is enough
 
 KINDS = (
-    "like a disc",
-    "like an ellipse",
-    "like a segment of a disc",
-    "like an upright rectangle",
-    "like a rectangle",
-    "like an upright trapezoid",
-    "like a trapezoid",
+    "disc",
+    "ellipse",
+    "segment of a disc",
+    "upright rectangle",
+    "rectangle",
+    "upright trapezoid",
+    "trapezoid",
 )
 DISC, ELLIPSE, SEGMENT, UPRIGHT, RECTANGLE, TRAPEZOID, TURNED = range(7)
 FREE = (0, 2, 2, 2, 3, 3, 4)  # numbers that make one, besides its ends
@@ -40,3 +41,13 @@ class Outlines:
     def at(self, which: IntArray) -> Outlines:
         """Return some of them."""
         return Outlines(self.kind[which], self.over[which], self.z[which])
+
+
+def axes_ratio(z: FloatArray) -> FloatArray:
+    """Return the ratio of the axes (K,) by numbers (K, 8), that of height to width."""
+    return np.exp(math.log(FLATTEST) * (1.0 - 2.0 * z[:, RATIO]))
+
+
+def as_columns(dtype: np.dtype[Any], *numbers: FloatArray) -> tuple[Floats, ...]:
+    """Return numbers of outlines (K,) as columns (K, 1)."""
+    return tuple(v.astype(dtype)[:, None] for v in numbers)

@@ -15,6 +15,7 @@ from tacstrip.reconstruction.posterior.regular.kinds import (
     SEGMENT,
     TURN,
     Floats,
+    as_columns,
 )
 
 
@@ -59,7 +60,7 @@ class Ovals:
 
     def ends(self, at: Floats) -> tuple[Floats, Floats]:
         """Return the lowest and highest y (K, G) at x (K, G) within the extent."""
-        flat, c, s, cut = (v.astype(at.dtype)[:, None] for v in (self.flat, self.c, self.s, self.cut))
+        flat, c, s, cut = as_columns(at.dtype, self.flat, self.c, self.s, self.cut)
         square = c**2 + (flat * s) ** 2
         half = np.sqrt(np.maximum(square - at**2, 0.0)) * (flat / square)
         middle = at * (c * s * (1.0 - flat**2) / square)

@@ -10,15 +10,22 @@ from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.core.problem import FitProblem
 from tacstrip.reconstruction.posterior.regular.kinds import (
     BORDER,
+    DISC,
     LEFT,
     PART,
     RIGHT,
+    TRAPEZOID,
     UPRIGHT,
     Floats,
     Outlines,
+    as_columns,
 )
 from tacstrip.reconstruction.posterior.regular.ovals import Ovals
-from tacstrip.reconstruction.posterior.regular.polygons import Polygons
+from tacstrip.reconstruction.posterior.regular.rectangles import Rectangles
+from tacstrip.reconstruction.posterior.regular.trapezoids import Trapezoids
+
+_FAMILIES = (Ovals, Rectangles, Trapezoids)
+_FIRST = (DISC, UPRIGHT, TRAPEZOID)  # kinds of each
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,18 +69,21 @@ class Placement:
         whole = (right - left) / (1.0 - part)
         left, right = np.where(border == 0, right - whole, left), np.where(border == 1, left + whole, right)
         lower, upper = (np.empty((len(z), at.shape[-1]), dtype=at.dtype) for _ in range(2))
-        height = np.empty(len(z))
-        for make, which in ((Ovals, some.kind < UPRIGHT), (Polygons, some.kind >= UPRIGHT)):
-            i = np.flatnonzero(which)
-            shape = make.of(some.kind[i], z[i])
+        height, at = np.empty(len(z)), np.broadcast_to(at, lower.shape)
+        family = np.searchsorted(_FIRST, some.kind, side="right") - 1
+        for i in (np.flatnonzero(family == f) for f in range(len(_FAMILIES))):
+            if not len(i):
+                continue
+            shape = _shape(some.at(i))
             first, last, low, high = shape.box
             scale = (last - first) / (right[i] - left[i])
-            own = first[:, None] + (np.broadcast_to(at, lower.shape)[i] - left[i, None]) * scale[:, None]
             tall = self.aspect / scale
-            ends = shape.ends(own.astype(at.dtype))
-            lower[i], upper[i] = ((v - low[:, None]) * tall[:, None] for v in ends)
-            height[i] = (high - low) * tall
-        there = (at >= left[:, None]) & (at <= right[:, None]) & (upper >= lower)
+            height[i] = tall * (high - low)
+            along, offset, rise, base = as_columns(at.dtype, scale, first - scale * left[i], tall, tall * low)
+            for found, y in zip((lower, upper), shape.ends(along * at[i] + offset), strict=True):
+                found[i] = rise * y - base
+        from_x, to_x = as_columns(at.dtype, left, right)
+        there = (at >= from_x) & (at <= to_x) & (upper >= lower)
         return Placed(lower, upper, there, left, right, height, border, part)
 
     def ends(self, some: Outlines, lowest: FloatArray, at: FloatArray) -> FloatArray:
@@ -82,6 +92,14 @@ class Placement:
         ends = np.clip(np.stack([on.lower, on.upper], axis=1) + lowest[:, None, None], 0.0, 1.0)
         return np.where(on.there[:, None], ends, 0.0)
 
-    def shape(self, one: Outlines) -> Ovals | Polygons:
-        """Return outlines of one kind in their own units."""
-        return (Ovals if one.kind[0] < UPRIGHT else Polygons).of(one.kind, one.z)
+    def marks(self, one: Outlines) -> FloatArray:
+        """Return the x (M,) where edges of a single outline begin and end."""
+        shape, on = _shape(one), self.placed(one, np.zeros(0))
+        first, last = shape.box[:2]
+        return np.asarray(on.left + (on.right - on.left) * (shape.marks[0] - first) / (last - first))
+
+
+def _shape(some: Outlines) -> Ovals | Rectangles | Trapezoids:
+    """Return outlines of one family in their own units."""
+    family = int(np.searchsorted(_FIRST, some.kind[0], side="right")) - 1
+    return _FAMILIES[family].of(some.kind, some.z)

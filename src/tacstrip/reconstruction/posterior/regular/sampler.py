@@ -17,6 +17,7 @@ from tacstrip.reconstruction.posterior.regular.likelihood import Likelihood
 PARTICLES = 48
 _FIRST, _SWEEPS, _LEVELS = 4, 3, 40
 _HALF = 0.5  # of the particles, that a level leaves
+_SMALLEST, _HALVINGS = 1e-12, 13  # of the power's rise
 _HOPELESS = 8.0  # of the log evidence, by which a kind is given up
 
 
@@ -58,7 +59,7 @@ def sampled(
             trial = _moved(z, random)
             trial_log, trial_misfit = _weights(likelihood, kind, over, trial)
             gain = trial_log - log - power[:, None] * (trial_misfit - misfit)
-            taken = np.log(random.random(log.shape)) < gain
+            taken = -random.standard_exponential(log.shape) < gain
             z = np.where(taken[..., None], trial, z)
             log, misfit = np.where(taken, trial_log, log), np.where(taken, trial_misfit, misfit)
         finished = power > 1.0 - 1e-9
@@ -97,10 +98,10 @@ def _next_level(log: FloatArray, misfit: FloatArray, left: FloatArray) -> tuple[
         share = np.exp(weight - weight.max(axis=1, keepdims=True))
         return np.asarray(share.sum(axis=1) ** 2 / (share**2).sum(axis=1))
 
-    low, high = np.full_like(left, 1e-12), left
+    low, high = np.full_like(left, _SMALLEST), left
     enough = count(left) >= _HALF * PARTICLES
-    for _ in range(25):
-        half = 0.5 * (low + high)
+    for _ in range(_HALVINGS):
+        half = np.sqrt(low * high)
         more = count(half) >= _HALF * PARTICLES
         low, high = np.where(more, half, low), np.where(more, high, half)
     step = np.where(enough, left, low)
@@ -109,17 +110,17 @@ def _next_level(log: FloatArray, misfit: FloatArray, left: FloatArray) -> tuple[
 
 def _moved(z: FloatArray, random: np.random.Generator) -> FloatArray:
     """Return other numbers (C, P, 8), by differences of two particles, or a few of them by any size."""
-    several = z.shape[:2]
-    a, b = (np.take_along_axis(z, random.integers(PARTICLES, size=(*several, 1)), axis=1) for _ in range(2))
-    differ = a - b
-    differ[..., TURN] = (differ[..., TURN] + 0.5) % 1.0 - 0.5
-    jump = np.exp(random.uniform(math.log(0.03), math.log(2.0), (*several, 1))) * differ
-    jump += 1e-5 * random.normal(size=z.shape)
+    several, row = z.shape[:2], np.arange(len(z))[:, None]
+    a, b = random.integers(PARTICLES, size=(2, *several))
+    differ = z[row, a] - z[row, b]
+    differ[..., TURN] -= np.rint(differ[..., TURN])
+    normal, kind = random.normal(size=z.shape), random.random((*several, 1))
+    jump = np.exp(random.uniform(math.log(0.03), math.log(2.0), (*several, 1))) * differ + 1e-5 * normal
     size = np.exp(random.uniform(math.log(1e-3), math.log(0.5), (*several, 1)))
-    few = (random.random(z.shape) < 0.3) * size * random.normal(size=z.shape)
-    moved = z + np.where(random.random((*several, 1)) < 0.75, jump, few)
-    turn, border = moved[..., TURN] % 1.0, moved[..., BORDER] % 1.0
-    moved = np.abs(moved) % 2.0
-    moved = np.where(moved > 1.0, 2.0 - moved, moved)
-    moved[..., TURN], moved[..., BORDER] = turn, border
-    return np.minimum(moved, 1.0 - 1e-12)
+    few = np.where(random.random(z.shape) < 0.3, size * normal, 0.0)
+    moved = z + np.where(kind < 0.75, jump, few)
+    folded = moved - 2.0 * np.floor(0.5 * moved)
+    folded = np.minimum(folded, 2.0 - folded)
+    for around in (TURN, BORDER):
+        folded[..., around] = moved[..., around] - np.floor(moved[..., around])
+    return np.minimum(folded, 1.0 - 1e-12)
