@@ -235,3 +235,35 @@ def test_a_narrow_strip_behind_a_notch_is_no_faulty_channel() -> None:
     assert found.status == "doubtful"
     assert not found.faulty
     assert "may be of a second object, or of an overhang" in found.advice
+
+
+TEN = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=10.0, length_mm=100.0)
+
+
+@pytest.mark.parametrize("shift_mm", [0.0, 3.0])
+@pytest.mark.parametrize("silent", [1, 2, 3])
+def test_two_objects_beside_each_other_on_few_strips_are_two(silent: int, shift_mm: float) -> None:
+    left = Polygon([(4, 30 + shift_mm), (36, 20), (34, 55), (18, 70)])
+    right = Polygon([(0, 60), (30, 45 - shift_mm), (28, 85), (8, 80)])
+    apart = affinity.translate(right, 46.0 + 10.0 * (silent - 1), 0.0)
+    contact = ts.Contact((left, apart))
+    noise = ts.Noise(positional=0.003)
+    scan = ts.simulate(TEN, contact, noise, rng=1)
+    assert np.count_nonzero(np.diff(np.flatnonzero(scan.touched)) == silent + 1) == 1
+    found = ts.fit_polygon(scan, TEN, noise, assessment="fast")
+    assert len(found.objects) == 2
+
+
+def test_one_object_with_a_broken_strip_is_one_and_with_a_wrong_reading_besides_doubted() -> None:
+    whole = ts.Contact.polygon([(6, 50), (40, 15), (92, 40), (70, 85), (30, 80)])
+    noise = ts.Noise(positional=0.003)
+    scan = ts.simulate(TEN, whole, noise, rng=2)
+    kh, kl = np.array(scan.kh), np.array(scan.kl)
+    kh[4] = kl[4] = np.nan
+    (one,) = ts.fit_polygon(ts.Scan(kh=kh, kl=kl), TEN, noise, assessment="fast").objects
+    assert one.status == "ok"
+    assert "strip 4 reads nothing inside the contact" in one.advice
+    kh[6] += 0.2
+    (one,) = ts.fit_polygon(ts.Scan(kh=kh, kl=kl), TEN, noise, assessment="fast").objects
+    assert one.status == "doubtful"
+    assert one.confidence is None

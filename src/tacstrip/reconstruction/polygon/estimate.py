@@ -29,7 +29,7 @@ from tacstrip.reconstruction.polygon.run import (
     RunFit,
     RunReadings,
     fit_runs,
-    should_merge,
+    gain_of_one,
 )
 from tacstrip.reconstruction.polygon.wide_fit import fitted_to_wide_strips
 from tacstrip.reconstruction.posterior.assessment import Effort, check_effort
@@ -43,6 +43,7 @@ from tacstrip.sensor.spec import Sensor
 
 _AT_ONCE, _PARTS = 16, 4  # scans that the core takes in one call, and calls for each thread at least
 _ABOUT = 0.2  # of an area that is given without its standard deviation
+_TOGETHER = 6.0  # in the criterion: neighbours of a broken strip are broken too in one of 20
 _LEAST_AREA = 1e-4  # of a strip's: smaller ones no reading tells
 
 
@@ -309,7 +310,7 @@ def _contacts(
             gap = range(before.strips.stop, strips.start)
             joint = fit(slice(before.strips.start, strips.stop), (*before.missing, *gap))
             unknown = bool(left_out_wholly(sensor)[list(gap)].all()) and joint.run.selection is not None
-            if unknown or should_merge(before.run, contact.run, joint.run):
+            if unknown or gain_of_one(before.run, contact.run, joint.run) > _TOGETHER * (len(gap) - 1):
                 contact = joint
                 found.pop()
         found.append(contact)

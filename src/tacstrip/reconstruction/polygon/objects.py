@@ -79,6 +79,12 @@ _MANY = (
 )
 
 
+_TWICE = (
+    "strips read nothing inside the contact, and other readings do not fit: that is seldom one object, and rather two; "
+    "slide the contact along the row of strips, or leave out what is broken (--without, or the spec)"
+)
+
+
 @dataclass(frozen=True, eq=False)
 class FittedContact:
     """One contact and its fit.
@@ -212,6 +218,8 @@ def reconstruct_object(
         faulty = contradictory(run, sensor, contact.readings)
         if beyond.any():
             faulty = faulty | beyond & at_a_rail(run, contact.readings)
+    if faulty.any() and not wrong and _bridged(contact, sensor, around):
+        wrong, confidence = _TWICE, None
     if convex is not None or faulty.any():
         notes = _notes(scan, sensor, contact, around, noise is not None, faulty, convex=convex is not None)
     status, advice = _verdict(
@@ -565,6 +573,12 @@ def _raw_profile(scan: Scan, sensor: Sensor, strips: slice) -> Profile | None:
     return (sensor.x_mm[strips], l, u) if np.isfinite(l + u).all() else None
 
 
+def _bridged(contact: FittedContact, sensor: Sensor, around: int) -> list[int]:
+    """Return the strips inside a contact that read nothing, and that nobody said to leave out."""
+    named = left_out_wholly(sensor)
+    return [i % around for i in contact.missing if not named[i % around]]
+
+
 def _notes(
     scan: Scan,
     sensor: Sensor,
@@ -588,11 +602,11 @@ def _notes(
             names.append(f"{strip % around + base} ({read})")
         return _list(names)
 
-    if contact.missing:
-        named = left_out_wholly(sensor)
-        if missing := [i % around for i in contact.missing if not named[i % around]]:
-            names = _list([str(i + base) for i in missing])
-            notes.append(f"strip {names} reads nothing inside the contact and was bridged: is it broken?")
+    if missing := _bridged(contact, sensor, around):
+        names = _list([str(i + base) for i in missing])
+        notes.append(
+            f"strip {names} reads nothing inside the contact and was bridged: is it broken, or are there two objects?"
+        )
     if faulty is not None and np.count_nonzero(faulty):
         out = out & ~faulty
         notes.append(

@@ -35,6 +35,7 @@ _NEAR = 6.0  # spreads from the polygon that was made without it: no outlier
 _BARELY = 0.5  # of the spread with all readings: few residuals can be small by chance
 _ALONE = 8  # suspects at most that are left out one by one
 _LEAST_SCALE = 1e-3  # of sigma: a spread of residuals
+_BARE = 4  # readings that an outline without corners between its ends determines
 _SPARE = 1  # readings beyond the numbers fitted, without which nothing can be tested
 
 
@@ -409,15 +410,25 @@ def _with_ellipse(run: RunFit, sigma_known: bool) -> RunFit:
     )
 
 
-def should_merge(left: RunFit, right: RunFit, joint: RunFit) -> bool:
-    """Whether two neighbouring runs are better explained as one contact, with strips missing in it."""
+def gain_of_one(left: RunFit, right: RunFit, joint: RunFit) -> float:
+    """Return by how much one contact, with strips missing in it, explains two runs better than two; by the criterion.
+
+    -inf where none is fitted to both.
+    """
     if joint.selection is None:
-        return False
+        return -math.inf
     variance = max(left.sigma, right.sigma) ** 2
-    n = joint.problem.readings
-    # Two ends become none.
-    gain = per_vertex_penalty(n) * (left.complexity + right.complexity + 2 - joint.complexity)
-    return (joint.squares - left.squares - right.squares) / variance < gain
+    penalty = per_vertex_penalty(joint.problem.readings)
+
+    def price(run: RunFit) -> float:
+        return run.squares / variance + penalty * (run.complexity + np.count_nonzero(run.excluded))
+
+    def alone(run: RunFit) -> float:
+        # Readings of few strips hold few corners: an outline with one at each leaves nothing, and costs no more.
+        return min(price(run), penalty * max(run.problem.readings - _BARE, 0))
+
+    two_ends = 2.0 * penalty  # they become none
+    return float(alone(left) + alone(right) + two_ends - price(joint))
 
 
 def _initial_sigma(sensor: Sensor, raw: FloatArray) -> float:
