@@ -320,15 +320,11 @@ def _remove_dominant(rows: WorkingCopy, tests: Sequence[_Test], sought: Set[_Pla
     while len(rows.there) and not (sought and sought <= {(f, strips) for f, strips, _ in named}):
         edges = {int(rows.order[0]), int(rows.order[-1])}
         faulty = {i for _, strips, _ in named for i in strips}
-        # A short is what no other pair does: it is looked for once all else is undone that may disturb these.
-        for some in ([t for t in tests if t is not shorts], [t for t in tests if t is shorts]):
-            suspected = [
-                s for test in some for s in test(rows)
-                if s.finding.place not in named
-                and (s.finding.fault != "swapped-strips" or not faulty & set(s.finding.strips))
-            ]  # fmt: skip
-            if suspected:
-                break
+        suspected = [
+            s for test in tests for s in test(rows)
+            if s.finding.place not in named
+            and (s.finding.fault != "swapped-strips" or not faulty & set(s.finding.strips))
+        ]  # fmt: skip
         if not suspected:
             break
         suspected.sort(
