@@ -378,6 +378,16 @@ def test_a_smooth_path_has_the_knots_that_all_scans_ask_for() -> None:
     assert abs(off) < 3.0 * np.sqrt(one.pose_covariances[[0, -1], 2, 2].sum())
 
 
+def test_a_cubic_motion_lies_in_splines_of_all_knots() -> None:
+    """With ends that are straight it does not, so that more knots would fit it worse than four."""
+    at = np.linspace(0.0, 1.0, 30)
+    cubic = np.vander(at, 4) @ np.array([7.0, -9.0, 2.0, 1.0])
+    for knots, straight in ((4, False), (6, False), (26, False), (6, True)):
+        basis = spline_basis(at, knots, straight=straight)
+        off = np.abs(basis @ np.linalg.lstsq(basis, cubic, rcond=None)[0] - cubic).max()
+        assert (off < 1e-9) == (not straight)
+
+
 def test_offsets_of_channels_are_found_along_with_the_shape() -> None:
     sensor, random = ten_strips(), np.random.default_rng(4)
     off = random.normal(0.0, 0.003, (2, 10))

@@ -464,8 +464,9 @@ def _on_as_many_knots_as_all_ask_for(scans: RigidScans, found: Found) -> Found:
     assert fit.basis is not None
     every, tries = np.arange(len(scans.k)), [fit]
     for knots in reversed([k for k in _SPLINES if fit.basis.shape[1] <= k <= len(every) // 2]):
-        tries.append(fitted(rest, tries[-1].corners, tries[-1].poses, basis=_spline(scans, every, knots)))
-    fit = min(tries, key=lambda t: t.cost + 2.0 * (rest.readings.sum() - t.freedom(rest)))
+        basis = spline_basis(every / (len(every) - 1), knots)
+        tries.append(fitted(rest, tries[-1].corners, tries[-1].poses, basis=basis))
+    fit = min(tries[1:] or tries, key=lambda t: t.cost + 2.0 * (rest.readings.sum() - t.freedom(rest)))
     others = [fitted(rest, f.corners, f.poses, basis=fit.basis) for f, _ in found.rivals]
     worse = [other.criterion(rest) - fit.criterion(rest) for other in others]
     return replace(found, fit=fit, rivals=tuple(zip(others, worse, strict=True)))
@@ -478,7 +479,7 @@ def _chosen(scans: RigidScans) -> IntArray:
 
 
 def _spline(scans: RigidScans, chosen: IntArray, knots: int) -> FloatArray:
-    return spline_basis(chosen / max(len(scans.k) - 1, 1), min(knots, len(chosen)))
+    return spline_basis(chosen / max(len(scans.k) - 1, 1), min(knots, len(chosen)), straight=True)
 
 
 def _polygons(
@@ -648,7 +649,7 @@ def with_all_poses(scans: RigidScans, chosen: IntArray, fit: Fit) -> Fit:
     if len(chosen) == len(scans.k):
         return fit
     if fit.basis is not None:
-        basis = spline_basis(np.arange(len(scans.k)) / (len(scans.k) - 1), fit.basis.shape[1])
+        basis = _spline(scans, np.arange(len(scans.k)), fit.basis.shape[1])
         poses = basis @ np.linalg.lstsq(basis[chosen], fit.poses, rcond=None)[0]
         return Fit(fit.corners, poses, equations(scans, fit.corners, poses, loss(scans)).costs, basis)
     start = np.stack(

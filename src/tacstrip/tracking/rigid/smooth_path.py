@@ -63,14 +63,17 @@ class Path:
         return replace(self, basis=basis, knots=knots, cost=np.inf)
 
 
-def spline_basis(at: FloatArray, knots: int) -> FloatArray:
-    """Return what each of some knots, evenly from 0 to 1, adds at places (T,): (T, knots)."""
+def spline_basis(at: FloatArray, knots: int, *, straight: bool = False) -> FloatArray:
+    """Return what each of some knots, evenly from 0 to 1, adds at places (T,): (T, knots).
+
+    A cubic motion lies in it, whatever the knots; not so with ends that are straight, which hold a rough start there.
+    """
     places = np.linspace(0.0, 1.0, knots)
     if knots < 4:
         return np.asarray(np.vander(at, knots) @ np.linalg.inv(np.vander(places, knots)))
     from scipy.interpolate import CubicSpline  # late: `live` would start a third of a second later
 
-    ends = "not-a-knot" if knots == 4 else "natural"
+    ends = "natural" if straight and knots > 4 else "not-a-knot"
     return np.asarray(CubicSpline(places, np.eye(knots), bc_type=ends)(at))
 
 
