@@ -323,9 +323,8 @@ def doubts_of_regular(
     """Return what tells whether one of the regular outlines is right.
 
     How well others, the estimate with its `ends` and rounded outlines overlap it, how likely regular outlines make the
-    readings, what these leave of them, how large the noise is, and which readings are left out. Where regular outlines
-    are hardly likelier than any others, an estimate that lies elsewhere tells that the readings leave the height open;
-    where polygons need many `corners`, it tells little.
+    readings, what these leave of them, how large the noise is, and which readings are left out. The likelier they make
+    the readings, the less does the estimate tell; and polygons take many `corners` for what is curved.
     """
     one = regular.ends[best]
     overlaps = (regular.overlap(one).mean(), column_iou(one, ends), rounded.weight @ rounded.overlap(one))
