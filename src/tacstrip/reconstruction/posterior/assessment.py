@@ -189,15 +189,16 @@ def assess(
             rounded, regular = rivals
             best = regular.commonest()
             told_by = doubts_of_regular(regular, best, run, ends, rounded, corners, faults)
+            sure = told_by.probability(effort)
             if not isinstance(better or run.model, Ellipse):
                 middle = rounded.commonest()
                 of_rounded = doubts_of_rounded(rounded, middle, drawn, corners, regular)
-                if (surer := of_rounded.probability(effort)) > confidence + _ROUNDED_BETTER:
+                surer = of_rounded.probability(effort)
+                if surer > max(confidence + _ROUNDED_BETTER, sure):
                     confidence, better = surer, rounded.outline(middle, drawn.problem.lam)
                     own = drawn.overlap(rounded.ends[middle]) >= PROMISED_IOU
-            surer = told_by.probability(effort)
-            if surer * (1.0 - confidence) > _REGULAR_BETTER * confidence * (1.0 - surer):
-                confidence, better = surer, regular.outline(best)
+            if sure * (1.0 - confidence) > _REGULAR_BETTER * confidence * (1.0 - sure):
+                confidence, better = sure, regular.outline(best)
                 own, misfit = drawn.overlap(regular.ends[best]) >= PROMISED_IOU, regular.misfit
     # Chi square of the better half of the draws; that of normal errors exceeds its mean by 3.5 deviations in .02 %.
     readings = drawn.problem.readings
