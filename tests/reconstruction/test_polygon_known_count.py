@@ -30,8 +30,9 @@ def test_the_right_count_gives_what_is_found_without_it(names: tuple[str, ...], 
     scan = simulate(CRS, SQUARE, NOISE, rng=1)
     scan = Scan(time_s=0.0, **{n: scan[n] for n in names})
     found, told = (fit_polygon(scan, CRS, noise, vertices=n).objects[0] for n in (None, 4))
-    assert told.status == found.status
-    assert told.status == ("ok" if len(names) > 1 else SURE) or (len(names) == 1 and noise is None)
+    assert told.status == ("ok" if len(names) > 1 else SURE)
+    # Of one signature, with a noise that nobody gave, it is not sure enough without the count (.66).
+    assert found.status == told.status or (len(names) == 1 and noise is None)
     np.testing.assert_allclose(told.vertices, found.vertices, atol=0.2)
 
 

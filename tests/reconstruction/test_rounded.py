@@ -50,23 +50,18 @@ def test_a_rounded_square_of_one_signature_is_recovered() -> None:
 
 
 @needs_core
-@pytest.mark.parametrize(
-    ("signature", "rng", "status"), [("kl", 1, "ok"), ("kh", 2, "ok"), ("kl", 3, "doubtful")]
-)
-def test_a_rounded_outline_is_ok_where_it_is_as_sure_as_a_polygon_need_be(
-    signature: str, rng: int, status: str
-) -> None:
-    """A stadium: IoU .92 and .92, and .80 where it is doubted."""
+@pytest.mark.parametrize(("signature", "rng"), [("kl", 1), ("kh", 2), ("kl", 3)])
+def test_a_stadium_is_ok_as_a_rounded_outline_or_a_regular_one(signature: str, rng: int) -> None:
     stadium = np.array(shapely.LineString([(30, 40), (70, 55)]).buffer(18, quad_segs=24).exterior.coords)[:-1]
     sensor = ts.Sensor(construction="crs-crs", strips=40, pitch_mm=2.5, length_mm=100.0)
     scan = ts.simulate(sensor, ts.Contact.polygon(stadium), NOISE, rng=rng)
     one = ts.Scan(kh=scan.kh) if signature == "kh" else ts.Scan(kl=scan.kl)
     found = ts.fit_polygon(one, sensor, NOISE).objects[0]
     assert found.model is FamilyOutline
-    assert found.status == status
-    assert (ts.mismatch(stadium, found.vertices).iou > 0.9) == (status == "ok")
+    assert found.status == "ok"
+    assert ts.mismatch(stadium, found.vertices).iou > 0.9
     assert found.confidence is not None
-    assert (found.confidence >= ENOUGH_OF_ONE["thorough"]) == (status == "ok")
+    assert found.confidence >= ENOUGH_OF_ONE["thorough"]
 
 
 @needs_core

@@ -5,7 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import tacstrip as ts
 from studies.confidence import FAMILIES, fitted_odds, of_family
+from studies.holdout import cases
+from studies.holdout.score import overlap
+from tacstrip.core.binding import exported
+from tacstrip.reconstruction.posterior.family_outline import FamilyOutline
 
 
 @pytest.mark.parametrize("family", FAMILIES)
@@ -25,3 +30,14 @@ def test_odds_are_found_again_whatever_a_terms_unit() -> None:
     of = np.column_stack([np.ones(4000), random.normal(size=4000), random.uniform(0.0, 0.05, 4000)])
     right = random.random(4000) < 1.0 / (1.0 + np.exp(-of @ true))
     np.testing.assert_allclose(fitted_odds(of, right), true, rtol=0.15)
+
+
+@pytest.mark.skipif(exported("sample_outlines") is None, reason="only the compiled core samples")
+def test_a_regular_outline_is_judged_by_what_it_leaves_itself() -> None:
+    """A disc whose best polygon leaves residuals that hang together, noise unknown."""
+    case = cases.convex(cases.rng("convex", 861, 636))
+    found = ts.fit_polygon(case.unit.scan(case.read), case.unit.sensor).objects[0]
+    assert found.model is FamilyOutline
+    assert found.status == "ok"
+    assert "hangs together" not in found.advice
+    assert overlap(case.unit, found.vertices, case.outlines[0]) > 0.95

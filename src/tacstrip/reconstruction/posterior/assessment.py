@@ -189,15 +189,16 @@ def assess(
             rounded, regular = rivals
             best = regular.commonest()
             told_by = doubts_of_regular(regular, best, run, ends, rounded, corners, faults)
+            sure = told_by.probability(effort)
             if not isinstance(better or run.model, Ellipse):
                 middle = rounded.commonest()
                 of_rounded = doubts_of_rounded(rounded, middle, drawn, corners, regular)
-                if (surer := of_rounded.probability(effort)) > confidence + _ROUNDED_BETTER:
+                surer = of_rounded.probability(effort)
+                if surer > max(confidence + _ROUNDED_BETTER, sure):
                     confidence, better = surer, rounded.outline(middle, drawn.problem.lam)
                     own = drawn.overlap(rounded.ends[middle]) >= PROMISED_IOU
-            surer = told_by.probability(effort)
-            if surer * (1.0 - confidence) > _REGULAR_BETTER * confidence * (1.0 - surer):
-                confidence, better = surer, regular.outline(best)
+            if sure * (1.0 - confidence) > _REGULAR_BETTER * confidence * (1.0 - sure):
+                confidence, better = sure, regular.outline(best)
                 own, misfit = drawn.overlap(regular.ends[best]) >= PROMISED_IOU, regular.misfit
     # Chi square of the better half of the draws; that of normal errors exceeds its mean by 3.5 deviations in .02 %.
     readings = drawn.problem.readings
@@ -323,9 +324,8 @@ def doubts_of_regular(
     """Return what tells whether one of the regular outlines is right.
 
     How well others, the estimate with its `ends` and rounded outlines overlap it, how likely regular outlines make the
-    readings, what these leave of them, how large the noise is, and which readings are left out. Where regular outlines
-    are hardly likelier than any others, an estimate that lies elsewhere tells that the readings leave the height open;
-    where polygons need many `corners`, it tells little.
+    readings, what these leave of them, how large the noise is, and which readings are left out. The likelier they make
+    the readings, the less does the estimate tell; and polygons take many `corners` for what is curved.
     """
     one = regular.ends[best]
     overlaps = (regular.overlap(one).mean(), column_iou(one, ends), rounded.weight @ rounded.overlap(one))
