@@ -66,7 +66,9 @@ def test_the_covariance_is_the_spread_of_many_scans() -> None:
     band = ts.Contact.polygon([(10, 20), (60, 30), (60, 70), (10, 50)])
     read = ts.simulate(sheet, band)  # once: what differs from scan to scan is the noise
     scans = [
-        ts.Scan(**{name: add_reading_errors(read[name], noise, random) for name in read.signatures})
+        ts.Scan(
+            kh=add_reading_errors(read["kh"], noise, random), kl=add_reading_errors(read["kl"], noise, random)
+        )
         for random in map(np.random.default_rng, range(40))
     ]
     recovered = [ts.profile_reconstruction(scan, sheet, noise).objects[0] for scan in scans]
