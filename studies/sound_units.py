@@ -14,8 +14,8 @@ from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
 
+from studies.holdout.first_order import first_order
 from tacstrip.arrays import FloatArray
 from tacstrip.diagnose.doctor import diagnose
 from tacstrip.diagnose.log import Log
@@ -341,7 +341,7 @@ def _passing(rng: np.random.Generator, scans: int, channels: int, keep: float) -
     """Return first-order processes (scans, channels) of standard deviation 1."""
     new = np.sqrt(1.0 - keep**2) * rng.normal(size=(scans, channels))
     new[0] = rng.normal(size=channels)
-    return np.asarray(lfilter([1.0], [1.0, -keep], new, axis=0))
+    return first_order(new, keep)
 
 
 def main(units: int, first: int) -> None:

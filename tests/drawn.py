@@ -48,7 +48,7 @@ def drawn_texts(figure: Figure) -> list[tuple[str, shapely.Polygon]]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Text, "draw", record)
-        draw(figure)
+        figure.draw_without_rendering()
     return found
 
 
@@ -65,7 +65,7 @@ def check_texts(figure: Figure) -> None:
 
 def check_above(figure: Figure, axes: Axes | None = None) -> None:
     """Check that the legend of axes, by default of the last ones, lies above all lines."""
-    draw(figure)
+    figure.draw_without_rendering()
     axes = figure.axes[-1] if axes is None else axes
     legend = axes.get_legend()
     assert legend is not None

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
 
+from studies.holdout.first_order import first_order
 from studies.holdout.readings import Unit
 from studies.holdout.shapes import Array
 
@@ -54,7 +54,7 @@ class Press:
     def _edge(self, random: np.random.Generator) -> Array:
         new = random.normal(0.0, np.sqrt(1.0 - _NEIGHBOUR**2), self.unit.strips)
         new[0] = random.normal()
-        return _EDGE * self.sigma * self.unit.length * np.asarray(lfilter([1.0], [1.0, -_NEIGHBOUR], new))
+        return _EDGE * self.sigma * self.unit.length * first_order(new, _NEIGHBOUR)
 
 
 def _flicker(shape: tuple[int, ...], random: np.random.Generator) -> Array:
@@ -64,5 +64,5 @@ def _flicker(shape: tuple[int, ...], random: np.random.Generator) -> Array:
         keep = np.exp(-1.0 / time)
         new = random.normal(0.0, np.sqrt(1.0 - keep**2), shape)
         new[0] = random.normal(size=shape[1:])
-        total += lfilter([1.0], [1.0, -keep], new, axis=0)
+        total += first_order(new, keep)
     return total

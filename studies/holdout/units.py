@@ -15,6 +15,8 @@ import numpy.typing as npt
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
+from studies.holdout.first_order import first_order
+
 Array: TypeAlias = npt.NDArray[Any]
 Link: TypeAlias = tuple[Array, Array, Array]  # nodes, nodes, conductances between them
 
@@ -466,11 +468,10 @@ def flicker(shape: tuple[int, int, int], time_s: Array, random: np.random.Genera
     gap = np.diff(time_s, prepend=time_s[0])
     for one in _TIMES:
         keep = np.exp(-gap / one)
-        value = random.normal(size=(shape[0], shape[2]))
-        new = random.normal(size=shape)
-        for i in range(shape[1]):
-            value = keep[i] * value + np.sqrt(1.0 - keep[i] ** 2) * new[:, i]
-            total[:, i] += value
+        first = random.normal(size=(shape[0], shape[2]))
+        new = np.sqrt(1.0 - keep[:, None, None] ** 2) * random.normal(size=shape).swapaxes(0, 1)
+        new[0] = first
+        total += first_order(new, keep).swapaxes(0, 1)
     return np.asarray(total / np.sqrt(len(_TIMES)))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 from pathlib import Path
 from subprocess import CompletedProcess
@@ -344,6 +345,17 @@ def test_help_shows_an_example_for_every_verb(tmp_path: Path) -> None:
         done = CliRunner().invoke(cli, [verb, "--help"])
         assert done.exit_code == 0
         assert "Example: tacstrip " + verb in " ".join(done.stdout.split())
+
+
+def test_linear_algebra_has_one_thread_unless_the_environment_says_how_many(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    names = ("OPENBLAS_NUM_THREADS", "GOTO_NUM_THREADS", "OMP_NUM_THREADS")
+    for said, ours in ({}, "1"), ({"OMP_NUM_THREADS": "3"}, None), ({"OPENBLAS_NUM_THREADS": "2"}, "2"):
+        for name in names:
+            monkeypatch.setenv(name, said.get(name, ""))
+        _good(run(tmp_path, "--help"))
+        assert (os.environ[names[0]] or None, os.environ[names[2]]) == (ours, said.get(names[2], ""))
 
 
 def test_a_sheet_is_recovered_by_the_method_for_it(folder: Path) -> None:

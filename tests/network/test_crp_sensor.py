@@ -13,6 +13,7 @@ from click.testing import CliRunner
 import tacstrip as ts
 from studies.crp_spans import own_electrodes
 from tacstrip.cli import cli
+from tacstrip.contact.noise import add_reading_errors
 from tacstrip.network import Imperfections
 
 SHEET = ts.Sensor(
@@ -63,10 +64,14 @@ def test_the_covariance_is_the_spread_of_many_scans() -> None:
     sheet = replace(SHEET, contact_lambda_mm=5.0)  # two columns a pitch, 100 rows: the quickest
     noise = ts.Noise(positional=0.001)
     band = ts.Contact.polygon([(10, 20), (60, 30), (60, 70), (10, 50)])
-    recovered = [
-        ts.profile_reconstruction(ts.simulate(sheet, band, noise, rng=seed), sheet, noise).objects[0]
-        for seed in range(40)
+    read = ts.simulate(sheet, band)  # once: what differs from scan to scan is the noise
+    scans = [
+        ts.Scan(
+            kh=add_reading_errors(read["kh"], noise, random), kl=add_reading_errors(read["kl"], noise, random)
+        )
+        for random in map(np.random.default_rng, range(40))
     ]
+    recovered = [ts.profile_reconstruction(scan, sheet, noise).objects[0] for scan in scans]
     y = np.array([o.vertices[:, 1] for o in recovered])
     assert recovered[0].covariance is not None
     sigma = np.sqrt(np.diag(recovered[0].covariance)[1::2])

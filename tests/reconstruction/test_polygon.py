@@ -304,7 +304,7 @@ def _garbage(draw: st.DrawFn) -> tuple[Sensor, Scan, Noise | None]:
     return sensor, _scan({name: np.where(gap, np.nan, kind()) for name in names}), noise
 
 
-@settings(FIXED, max_examples=150)
+@settings(FIXED, max_examples=80)
 @given(_garbage())
 def test_garbage_gets_a_status_and_never_a_polygon_off_the_sensor(
     case: tuple[Sensor, Scan, Noise | None],

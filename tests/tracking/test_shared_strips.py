@@ -166,7 +166,10 @@ def test_where_a_first_change_comes_too_late_the_jumps_are_tried(monkeypatch: py
 
 
 def test_two_that_stay_beside_each_other_are_not_one_that_replaces_them() -> None:
-    """Of three objects two are left at the end, whose contact one outline of nine corners explains as well."""
+    """Of three objects two are left at the end, whose contact one outline of nine corners explains as well.
+
+    An edge lies along a strip's centre line, where its slope is no bound.
+    """
     random = np.random.default_rng([31, list(SETS).index("three"), 1])
     scene = draw("three", random)
     tracks = ts.track(scene.scans(random), scene.unit.sensor, NOISE)
@@ -184,7 +187,6 @@ def test_two_that_stay_beside_each_other_are_not_one_that_replaces_them() -> Non
             60,
             9,
         ),  # hidden for the most part, one may turn by 70 degrees more, but not as smoothly as alone
-        ("three", 31, 1),  # an edge lies along a strip's centre line, where its slope is no bound
     ],
 )
 def test_scans_with_another_about_decide_what_is_left_open(name: str, seed: int, case: int) -> None:

@@ -11,7 +11,7 @@ from scipy.special import fdtrc
 
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.calibrate.fit import ModelFit, usable_rows
-from tacstrip.calibrate.linearised import Linear
+from tacstrip.calibrate.linearised import Linear, jacobian_of_places
 from tacstrip.calibrate.model import predict
 from tacstrip.io.runs import Runs
 from tacstrip.sensor.spec import Sensor
@@ -103,6 +103,7 @@ class _Steps:
         spans = system.leverages(off.shape).reshape(sensor.strips, len(off) * len(counts), -1)
         self.own, self.common = np.split(spans, [system.q.shape[2]], axis=2)
         self.off = self._rows(here.whiten(off)[..., None])
+        self.by_l = jacobian_of_places(sensor, fit.constants, runs.l_mm, runs.w_mm)[..., 0]
         self.later = np.tri(len(counts))[:, None, 1:]  # (contacts, strips, from the second on)
 
     def _rows(self, columns: FloatArray) -> FloatArray:
@@ -143,7 +144,7 @@ class _Steps:
 
     def of_all(self) -> tuple[FloatArray, FloatArray]:
         """Return steps of all contacts' places (contacts - 1,): how many deviations, and how far [mm]."""
-        step = self._rows(self.here.whiten(self.here.by_place[..., 0])[..., None] * self.later)
+        step = self._rows(self.here.whiten(self.by_l)[..., None] * self.later)
         whole = (step**2).sum(axis=(0, 1))
         left = whole - ((np.swapaxes(self.own, 1, 2) @ step) ** 2).sum(axis=(0, 1))
         left = left - (np.einsum("srk,srn->kn", self.common, step) ** 2).sum(axis=0)

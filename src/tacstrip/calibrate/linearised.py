@@ -12,7 +12,15 @@ import numpy as np
 from scipy.linalg import cho_solve, solve_triangular
 
 from tacstrip.arrays import FloatArray
-from tacstrip.calibrate.model import PARTS, Constants, pooled_precision, predict
+from tacstrip.calibrate.model import (
+    CHANNEL,
+    PARTS,
+    Constants,
+    pooled_precision,
+    predict,
+    strip_readings,
+    through_channels,
+)
 from tacstrip.calibrate.place_errors import PlaceErrors
 from tacstrip.fisher import covariance
 from tacstrip.io.runs import Runs
@@ -29,15 +37,17 @@ def jacobian(sensor: Sensor, constants: Constants, l_mm: FloatArray, w_mm: Float
     Forward differences: an own parameter is moved on all strips at once; lambda upwards, because a length below 0 is
     meaningless.
     """
-
-    def predicted(c: Constants) -> FloatArray:
-        return np.nan_to_num(np.stack(list(predict(c, sensor, l_mm, w_mm).values())))
-
     shared, own = constants.shared, constants.own
     moves = [replace(constants, shared=shared + step) for step in _STEP * np.eye(len(shared))]
     moves += [replace(constants, own=own + step) for step in _STEP * np.eye(own.shape[1])]
-    here = predicted(constants)
-    return np.stack([(predicted(c) - here) / _STEP for c in moves], axis=-1)
+    names = (*constants.model.shared, *constants.model.own(constants.signatures))
+    readings = strip_readings(constants, sensor, l_mm, w_mm)
+    raw = [through_channels(constants, readings)]
+    for name, c in zip(names, moves, strict=True):
+        same = name.split()[0] in CHANNEL
+        raw.append(through_channels(c, readings if same else strip_readings(c, sensor, l_mm, w_mm)))
+    here, *moved = np.nan_to_num(np.array([list(one.values()) for one in raw]))
+    return np.stack([(one - here) / _STEP for one in moved], axis=-1)
 
 
 def jacobian_of_places(sensor: Sensor, constants: Constants, l: FloatArray, w: FloatArray) -> FloatArray:
@@ -74,8 +84,8 @@ class Linear:
         shape = runs.l_mm.shape
         noise = np.broadcast_to(np.diag(sigma**2), (*shape, len(sigma), len(sigma)))
         self.columns = np.zeros((len(sigma), *shape, 0))
-        self.by_place = by_place = jacobian_of_places(sensor, constants, runs.l_mm, runs.w_mm)
         if places is not None:
+            by_place = jacobian_of_places(sensor, constants, runs.l_mm, runs.w_mm)
             self.columns = places.columns(by_place)
             own = np.moveaxis(places.own(by_place), 0, 2)  # (contacts, strips, signatures, 2)
             noise = noise + own @ np.swapaxes(own, 2, 3)

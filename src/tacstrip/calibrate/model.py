@@ -63,6 +63,8 @@ PARTS = {
         "press more contacts along every strip, near both ends too",
     ),
 }  # fmt: skip
+# Parts that act on a reading, wherever the contact is.
+CHANNEL = frozenset(("offset", "gain", "fade", "curve"))
 _LEAST_RATIO, _MOST_RATIO = 1e-3, 1e3
 _LEAST_FADE, _MOST_FADE = 0.01, 0.5
 _LEAST_GAIN = 0.5
@@ -228,7 +230,6 @@ def within_bounds(constants: Constants) -> Constants:
     return replace(constants, shared=shared, own=own)
 
 
-@np.errstate(all="ignore")  # too long a step makes knots that do not rise; the line search rejects it
 def predict(
     constants: Constants, sensor: Sensor, l_mm: FloatArray, w_mm: FloatArray
 ) -> dict[str, FloatArray]:
@@ -236,6 +237,14 @@ def predict(
 
     The forward model of what `Calibration.correct_pair` inverts.
     """
+    return through_channels(constants, strip_readings(constants, sensor, l_mm, w_mm))
+
+
+@np.errstate(all="ignore")  # too long a step makes knots that do not rise; the line search rejects it
+def strip_readings(
+    constants: Constants, sensor: Sensor, l_mm: FloatArray, w_mm: FloatArray
+) -> dict[str, FloatArray]:
+    """Return what arrives at the channels: readings without the errors of `CHANNEL`'s parts, by signature."""
     model, length = constants.model, sensor.length_mm
     lam = constants.value("lambda") * length if model.has("lambda") else sensor.contact_lambda_mm
     ratio: Any = sensor.sensing_ratio * np.exp(constants.value("ratios" if model.has("ratios") else "ratio"))
@@ -254,7 +263,14 @@ def predict(
         drop = np.where(w_mm < _NO_LENGTH * length, constants.value("points"), 0.0)
         less = lost_to_load(low, high - low, ratio, constants.value("load"), drop)
         found = {name: found[name] - lost for name, lost in zip(("kh", "kl"), less, strict=True)}
-    for name, k in found.items():
+    return found
+
+
+@np.errstate(all="ignore")
+def through_channels(constants: Constants, readings: dict[str, FloatArray]) -> dict[str, FloatArray]:
+    """Return the raw readings of `strip_readings`."""
+    model, found = constants.model, dict[str, FloatArray]()
+    for name, k in readings.items():
         if model.has("curve"):
             found[name] = piecewise_map(k, model.knots, constants.curve(name))
         else:

@@ -56,6 +56,11 @@ VERBS = {
 # The verbs that take a sensor of two layers.
 _TWO_LAYERS = ("init", "simulate", "reconstruct", "limits", "record", "replay", "convert", "recover", "live")
 _LOOK_SCANS = 10_000  # of a recording, for a warning
+_THREADS = (
+    "OPENBLAS_NUM_THREADS",
+    "GOTO_NUM_THREADS",
+    "OMP_NUM_THREADS",
+)  # what OpenBLAS asks, the first one first
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _COULD_NOT = (*_FULL, errno.EIO, errno.ENOMEM, errno.EMFILE, errno.ENFILE)  # whatever the input
 
@@ -306,7 +311,13 @@ def check_method(option: str, method: str | None, sensor: Sensor, signatures: Se
 
 
 def main() -> None:
-    """Run the command line; a known error becomes one clear line and exit code 2, a full disk or the like 1."""
+    """Run the command line; a known error becomes one clear line and exit code 2, a full disk or the like 1.
+
+    Linear algebra has one thread, unless the environment says how many: matrices are small here, and threads wait for
+    each other. OpenBLAS counts them as it loads, with NumPy, which is later; workers have the same environment.
+    """
+    if not any(os.environ.get(name) for name in _THREADS):
+        os.environ[_THREADS[0]] = "1"
     try:
         with all_as_ctrl_c():
             cli(standalone_mode=True)

@@ -470,9 +470,11 @@ def _latin(
 ) -> tuple[tuple[str, ...], tuple[tuple[Any, ...], ...]]:
     if not table:
         return (), ()
-    from scipy.stats import qmc  # late: it takes a second to import
-
-    points = qmc.LatinHypercube(len(table), rng=seed).random(samples)
+    (random,) = np.random.default_rng(seed).spawn(
+        1
+    )  # as scipy.stats.qmc does, which takes a second to import
+    within = random.uniform(size=(samples, len(table)))
+    points = (1 + np.stack([random.permutation(samples) for _ in table], axis=1) - within) / samples
     found = []
     for (name, given), at in zip(table.items(), points.T, strict=True):
         if isinstance(given, list) and given:

@@ -119,6 +119,8 @@ def _over_vref(numerator: FloatArray, d: FloatArray, length: float) -> FloatArra
     """Return numerator / d, with 0 or 1 where only rounding put it beyond; further out, l or w are impossible."""
     with np.errstate(divide="ignore"):  # metal under the whole strip: d = 0, and no k
         k = np.asarray(numerator / d)
+        if bool(((k >= 0.0) & (k <= 1.0)).all()):
+            return k
         rounding = _ROUNDING * np.maximum(length / np.abs(d), 1.0)  # d is a difference of lengths
     near = (k >= -rounding) & (k <= 1.0 + rounding) & np.isfinite(rounding)
     return np.where(near, np.clip(k, 0.0, 1.0), k)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from operator import gt, lt
 from typing import Any
 
@@ -42,6 +43,7 @@ def judge_claims(ours: Tables) -> list[Claim]:
     ]
 
 
+@cache
 def amplification(signature: str, shape: str, position: int) -> FloatArray:
     """Return, per vertex left to right, how far its y moves for an error of its own reading [L per Vref].
 
