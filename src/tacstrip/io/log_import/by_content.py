@@ -121,7 +121,7 @@ def _best(
     rows: list[Line], lines: list[Line], texts: dict[int, str], decimal: str, strips: int, channels: int
 ) -> tuple[float, FloatArray, Table] | None:
     """Return the only assignment of these rows that a sensor can have read, and how rough it is, and its readings."""
-    columns, read = _columns(rows, lines, decimal)
+    columns, read, lost = _columns(rows, lines, decimal)
     if not columns or len(columns) > _MOST_COLUMNS:
         return None
     tried: list[tuple[float, Assignment, FloatArray]] = []
@@ -149,14 +149,18 @@ def _best(
         or _are_numbers_of_columns(columns, one)
     ):
         return None
-    return rough, values, _table(columns, one, rows, texts, read, decimal)
+    return rough, values, _table(columns, one, rows, texts, read, lost, decimal)
 
 
-def _columns(rows: list[Line], lines: list[Line], decimal: str) -> tuple[list[Column], set[int]]:
-    """Return what changes from row to row, or in the last line of another form above it; and the lines of these."""
+def _columns(rows: list[Line], lines: list[Line], decimal: str) -> tuple[list[Column], set[int], set[int]]:
+    """Return what changes from row to row, or in the last line of another form above it.
+
+    And the lines of these, and those of them that no row follows.
+    """
     columns = _of_places([r.form for r in rows], [r.texts for r in rows], decimal)
     taken = {r.number for r in rows}
     read: set[int] = set()
+    lost: set[int] = set()  # labels without a row
     first, last = rows[0].number, rows[-1].number
     others = kinds_of_rows([line for line in lines if line.number not in taken])
     above: list[Column] = []
@@ -174,14 +178,15 @@ def _columns(rows: list[Line], lines: list[Line], decimal: str) -> tuple[list[Co
                 k += 1
             at.append(group[k])
         if len({line.number for line in at}) > 1:
-            read |= {line.number for line in group}
+            read |= {line.number for line in at} | {group[0].number}
+            lost |= {line.number for line in group} - read
             above += [
                 c
                 for c in _of_places([g.form for g in at], [g.texts for g in at], decimal)
                 if not c.is_constant
             ]
     columns = beside + columns if beside and others[0][0].number < first else columns + beside
-    return above + columns, read
+    return above + columns, read, lost
 
 
 def _of_places(forms: Sequence[str], texts: Sequence[tuple[str, ...]], decimal: str) -> list[Column]:
@@ -403,6 +408,7 @@ def _table(
     rows: list[Line],
     texts: dict[int, str],
     read: set[int],
+    lost: set[int],
     decimal: str,
 ) -> Table:
     """Return the table of an assignment, with the time, and units that stand by the values or above them."""
@@ -446,7 +452,7 @@ def _table(
     broken = tuple(
         n
         for n, line in texts.items()
-        if n not in taken and _may_be_row(parted(n, line, decimal), rows[0].form)
+        if n in lost or (n not in taken and _may_be_row(parted(n, line, decimal), rows[0].form))
     )
     shown = texts[rows[0].number][:_LONG]
     told = f"line {rows[0].number} ({shown!r}) and those like it are read as {', '.join(made)}; {BY_CONTENT}"
