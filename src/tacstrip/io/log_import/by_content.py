@@ -121,7 +121,7 @@ def _best(
     rows: list[Line], lines: list[Line], texts: dict[int, str], decimal: str, strips: int, channels: int
 ) -> tuple[float, FloatArray, Table] | None:
     """Return the only assignment of these rows that a sensor can have read, and how rough it is, and its readings."""
-    columns = _columns(rows, lines, decimal)
+    columns, read, lost = _columns(rows, lines, decimal)
     if not columns or len(columns) > _MOST_COLUMNS:
         return None
     tried: list[tuple[float, Assignment, FloatArray]] = []
@@ -149,13 +149,18 @@ def _best(
         or _are_numbers_of_columns(columns, one)
     ):
         return None
-    return rough, values, _table(columns, one, rows, texts, decimal)
+    return rough, values, _table(columns, one, rows, texts, read, lost, decimal)
 
 
-def _columns(rows: list[Line], lines: list[Line], decimal: str) -> list[Column]:
-    """Return what changes from row to row; and what changes in lines of other forms, of the last one above a row."""
+def _columns(rows: list[Line], lines: list[Line], decimal: str) -> tuple[list[Column], set[int], set[int]]:
+    """Return what changes from row to row, or in the last line of another form above it.
+
+    And the lines of these, and those of them that no row follows.
+    """
     columns = _of_places([r.form for r in rows], [r.texts for r in rows], decimal)
     taken = {r.number for r in rows}
+    read: set[int] = set()
+    lost: set[int] = set()  # labels without a row
     first, last = rows[0].number, rows[-1].number
     others = kinds_of_rows([line for line in lines if line.number not in taken])
     above: list[Column] = []
@@ -163,6 +168,7 @@ def _columns(rows: list[Line], lines: list[Line], decimal: str) -> list[Column]:
     for group in others:
         if len(group) == len(rows) and (group[0].number > last or group[-1].number < first):
             beside += _of_places([r.form for r in group], [r.texts for r in group], decimal)
+            read |= {line.number for line in group}
             continue
         if group[0].number > first or len(group) < 2:
             continue
@@ -172,14 +178,15 @@ def _columns(rows: list[Line], lines: list[Line], decimal: str) -> list[Column]:
                 k += 1
             at.append(group[k])
         if len({line.number for line in at}) > 1:
+            read |= {line.number for line in at} | {group[0].number}
+            lost |= {line.number for line in group} - read
             above += [
                 c
                 for c in _of_places([g.form for g in at], [g.texts for g in at], decimal)
                 if not c.is_constant
             ]
-    return above + (
-        beside + columns if others and beside and others[0][0].number < first else columns + beside
-    )
+    columns = beside + columns if beside and others[0][0].number < first else columns + beside
+    return above + columns, read, lost
 
 
 def _of_places(forms: Sequence[str], texts: Sequence[tuple[str, ...]], decimal: str) -> list[Column]:
@@ -396,7 +403,13 @@ def _are_numbers_of_columns(columns: list[Column], one: Assignment) -> bool:
 
 
 def _table(
-    columns: list[Column], one: Assignment, rows: list[Line], texts: dict[int, str], decimal: str
+    columns: list[Column],
+    one: Assignment,
+    rows: list[Line],
+    texts: dict[int, str],
+    read: set[int],
+    lost: set[int],
+    decimal: str,
 ) -> Table:
     """Return the table of an assignment, with the time, and units that stand by the values or above them."""
     first = rows[0].number
@@ -435,11 +448,11 @@ def _table(
     for n, k, channel in one.readings:
         name = (channel or "reading") + ("" if k is None else f"_{k}")
         made[f"{name} [{unit}]" if unit else name] = columns[n].texts
-    taken = {r.number for r in rows}
+    taken = read | {r.number for r in rows}
     broken = tuple(
         n
         for n, line in texts.items()
-        if n not in taken and _may_be_row(parted(n, line, decimal), rows[0].form)
+        if n in lost or (n not in taken and _may_be_row(parted(n, line, decimal), rows[0].form))
     )
     shown = texts[rows[0].number][:_LONG]
     told = f"line {rows[0].number} ({shown!r}) and those like it are read as {', '.join(made)}; {BY_CONTENT}"

@@ -13,12 +13,14 @@ from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.fields import is_prose, says_nothing
 from tacstrip.io.log_import.names import meaning
 from tacstrip.io.log_import.records import LABELS, STEADY, Item, is_label, items
-from tacstrip.io.log_import.table import Table, of_records
+from tacstrip.io.log_import.table import NoTableError, Table, of_records
+from tacstrip.io.log_import.tokens import VALUE, parted
 from tacstrip.io.log_import.untouched import with_names_of_nothing
 
 _FEW_KINDS = 0.5  # of the records: as many name the same values, or all do as they like
 _COMMA = re.compile(r"(?<![\d,.:])\d+,\d+(?![\d,.])")
 _STRIP_NAMED = re.compile(r"(\D*?)(\d+)(.*)\Z")  # a name with a strip's number in it
+_FEW_ALIKE = 3  # messages of the same form as the readings' lines
 _SAMPLE = 200  # lines that tell whether all are of a kind
 
 
@@ -160,6 +162,11 @@ def _gathered(parsed: list[tuple[int, list[Item]]], texts: Mapping[int, str]) ->
         return None
     kinds = Counter(frozenset(r) for r in records)
     usual, many = kinds.most_common(1)[0]
+    forms = {parted(i, texts[i]).form for i in lines if i in texts}
+    values = [form.count(VALUE) for form in forms]
+    # As where a mark that is no number was passed over.
+    if len(kinds) > 1 and len(forms) == 1 and len(lines) > _FEW_ALIKE and values[0] >= max(map(len, records)):
+        raise NoTableError(f"lines from {lines[0]} on are of one form, and give different numbers of values")
     strange += [i for i in above if any(re.search(rf"\b{re.escape(n)}\s*[:=]", texts[i]) for n in usual)]
     varied = touched_vary(records)
     for n, (r, lines_of) in enumerate(zip(records, pieces, strict=True)):
@@ -223,6 +230,12 @@ def _gathered(parsed: list[tuple[int, list[Item]]], texts: Mapping[int, str]) ->
     above = [i for i in above if i not in strange]
     words = {w.casefold() for n in usual for w in re.findall(r"[A-Za-z]+", n)}
     prose = [i for i in strange if is_prose(texts[i], words)]
+    alike = [i for i in prose if parted(i, texts[i]).form in forms]
+    if len(alike) > _FEW_ALIKE:  # as the other end of each strip, in lines of its own
+        raise NoTableError(
+            f"line(s) {', '.join(map(str, alike[:_FEW_ALIKE]))}, ... have the form of those that name "
+            f"{', '.join(sorted(usual))}, and other names: what do they hold?"
+        )
     strange = [i for i in strange if i not in prose]
     said = [f"{len(above)} line(s) above passed over"] if above else []
     said += [f"line(s) {', '.join(map(str, prose))}: messages, passed over"] if prose else []

@@ -15,7 +15,7 @@ from tacstrip.io.log_import.mapping import ColumnMapping
 from tacstrip.io.log_import.questions import Clues
 from tacstrip.io.log_import.scans import BOUND, LogScan
 from tacstrip.io.log_import.statements import untouched_said
-from tacstrip.io.log_import.table import Table
+from tacstrip.io.log_import.table import NoTableError, Table
 from tacstrip.io.log_import.units import BITS
 from tacstrip.io.log_import.words import finder
 
@@ -49,7 +49,8 @@ def words_for_nothing(clues: Clues, found: Columns) -> tuple[str, ...]:
                         f"line {line}: {name} is {text!r}, which are {len(parts)} numbers, not one"
                     )
                 if re.search(r"\d[.,]\d", text) or clock_seconds(text) is not None:
-                    raise ReadingError(
+                    words = sum(_is_word(t, table.decimal) for t in table.column(name))
+                    raise (NoTableError if 2 * words > len(table.rows) else ReadingError)(
                         f"line {line}: {name} is {text!r}, which is no number; mend it, or say --answer "
                         f"'{name}=skip' if the column holds no readings"
                     )
@@ -207,8 +208,8 @@ def _at_an_end(clues: Clues, values: FloatArray, rest: list[float]) -> list[str]
             clues.ask(
                 "untouched",
                 f"every strip has a reading, and {100 * there.mean():.0f} % are {low[-1]:g} or less, which "
-                "no gap parts from the others: do strips that nothing touches read so, or are all touched (none)? The spec's "
-                "rest_volt and touch_volt say it, too",
+                "no gap parts from the others: do strips that nothing touches read so, or are all touched (none)? "
+                "The spec's rest_volt and touch_volt say it, too",
                 f"<{high[0]:g}", "none",
             )  # fmt: skip
         return []

@@ -188,7 +188,7 @@ def with_retries(text: str, read: Read, last: Callable[[bool], Table | None]) ->
         refused = error
         if strays := max(stray_lines(text), key=len, default=frozenset()):
             shown = _quoted(sorted(strays), dict(numbered(text)))
-            refused = ReadingError(
+            refused = type(error)(
                 f"{error}\n  not of the others' form, and it is not read without these either: {shown}"
             )
         if (table := next(others, None)) is None:

@@ -14,7 +14,7 @@ VALUE, TIME, WORD = "#", "@", "w"
 _UNITS = "|".join(sorted((re.escape(u) for u in UNITS if len(u) < 8), key=len, reverse=True))
 _DATE = r"\d{4}-\d\d-\d\d|\d\d?[./]\d\d?[./]\d{4}"
 _OF_DAY = r"(?:\d+:)?\d\d?:\d\d(?:[.,]\d+)?"
-_HEX = r"0[xX][\dA-Fa-f]+|(?=[\dA-Fa-f]*\d)(?=[\dA-Fa-f]*[A-Fa-f])[\dA-Fa-f]{2,8}(?![eE]?[-+.])|[A-F]{3,8}"
+_HEX = r"0[xX][\dA-Fa-f]+|(?=[\dA-Fa-f]*\d)(?=[\dA-Fa-f]*[A-Fa-f])[\dA-Fa-f]{3,8}(?![eE]?[-+.])|[A-F]{3,8}"
 _MARKS = (
     r"(?<![^\s,;|/:=(\[{<>'\"])"
     r"(?:-{1,5}(?!>)|\*{1,9}|_{1,5}|\.{1,5}|\?{1,3}|\+{2,9}|[-+]?\u221e|\u2013|\u2014)"

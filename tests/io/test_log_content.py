@@ -1,0 +1,143 @@
+"""Logs of which no name and no known form tells what they hold: what a sensor can have read does."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import tacstrip as ts
+from tacstrip.io.log_import.by_content import of_content
+from tacstrip.io.log_import.guess import Proposal, propose
+from tacstrip.io.log_import.plausible import roughness
+from tacstrip.io.log_import.questions import Unanswered
+from tacstrip.io.log_import.text import of_text
+
+PAD = ts.Sensor(construction="crs-crs", strips=5, pitch_mm=8.0, length_mm=60.0, vref_volt=5.0)
+ROW = ts.Sensor(construction="crs-m", strips=5, pitch_mm=8.0, length_mm=60.0, vref_volt=5.0)
+N, S = range(14), range(5)
+HIGH = np.array([[round(3.1 + 0.6 * np.sin(0.5 * n) - 0.09 * s * s / 4, 3) for s in S] for n in N])
+LOW = np.round(HIGH - 0.5 + 0.03 * np.arange(5), 3)
+OPEN = np.array([[abs(s - 2.0 - 1.9 * np.sin(0.45 * n)) > 1.3 for s in S] for n in N])
+HIGH[OPEN] = LOW[OPEN] = np.nan
+
+
+def field(value: float, nothing: str) -> str:
+    return nothing if np.isnan(value) else f"{value:.3f}"
+
+
+def wide(nothing: str = "oo", between: str = "~") -> list[str]:
+    return [
+        f"kelo> <{0.1 * n:.1f} s> "
+        + " ".join(f"{field(HIGH[n, s], nothing)}{between}{field(LOW[n, s], nothing)}" for s in S)
+        for n in N
+    ]
+
+
+def a_line_each() -> list[str]:
+    return [
+        f"ruga> 10:00:{0.1 * n:06.3f} vaze#{s} {end} = {field(values[n, s], 'NA')}"
+        for n in N for s in S for end, values in (("hi", HIGH), ("lo", LOW))
+    ]  # fmt: skip
+
+
+def blocks() -> list[str]:
+    return [
+        line
+        for n in N
+        for line in (f"== tomi {n} {100 * n} ms", *(f"  lera {s} {field(HIGH[n, s], '--')}" for s in S))
+    ]
+
+
+def read(lines: list[str], sensor: ts.Sensor = PAD, **answers: str) -> Proposal:
+    return propose(of_text("\n".join(lines) + "\n"), sensor, answers)
+
+
+def check(found: Proposal, channels: int = 2) -> None:
+    values = np.stack([scan.values for scan in found.scans])
+    np.testing.assert_allclose(values, np.stack([HIGH, LOW][:channels], axis=2))
+    assert [s.time_s - found.scans[0].time_s for s in found.scans] == pytest.approx([0.1 * n for n in N])
+
+
+@pytest.mark.parametrize("lines", [wide("x"), wide("nan", "|"), a_line_each()], ids=["wide", "bars", "ends"])
+def test_a_form_of_no_known_name_is_read_by_what_it_holds(lines: list[str]) -> None:
+    check(read(["tude vaze v9.4 ready", "toduna in volts", *lines]))
+
+
+def test_labels_of_scans_above_their_lines_are_columns_of_these() -> None:
+    check(read(["# volts", *blocks()], ROW), 1)
+
+
+def test_lines_of_one_end_are_no_messages_between_those_of_the_other() -> None:
+    lines = a_line_each()
+    found = read(["all in volts", *lines])
+    assert found.mapping.channels == ("h", "l")
+
+
+def test_what_is_read_by_its_content_is_told() -> None:
+    text = "\n".join(["in volts", *wide("x")])
+    table = of_content(text, 5, 2)
+    assert table is not None
+    assert table.names[:3] == ("time [s]", "h_0 [V]", "l_0 [V]")
+    assert "line 2 ('kelo> <0.0 s>" in table.doubts[0]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda row: np.nan_to_num(row, nan=3.0),  # no contact begins or ends
+        lambda row: (
+            row[::-1] if np.isfinite(row).sum() > 2 else row
+        ),  # no strip is beside the same one for long
+    ],
+)
+def test_what_no_sensor_reads_alone_is_not_taken(change: object) -> None:
+    assert callable(change)
+    rows = [change(row) for row in HIGH]
+    lines = [
+        " ".join(f"{0.1 * n:.1f} {'k' * (n % 3)}".split()) + f" {row[0]:.3f}"
+        for n, row in zip(N, rows, strict=True)
+    ]
+    assert of_content("\n".join(lines), 5, 1) is None
+
+
+def test_columns_of_a_like_size_beside_the_strips_leave_it_open() -> None:
+    lines = [
+        " ".join(field(v, "nan") for v in (*HIGH[n], 3.0 + 0.01 * (n % 5), 2.9 - 0.02 * (n % 4))) for n in N
+    ]
+    assert of_content("\n".join(lines), 5, 1) is None
+
+
+def test_a_line_above_that_numbers_the_strips_otherwise_leaves_it_open() -> None:
+    lines = [f"{0.1 * n:.1f};" + ";".join(field(v, "nan") for v in HIGH[n]) for n in N]
+    assert of_content("\n".join(["t;a0;a1;a2;a3;a4", *lines]), 5, 1) is not None
+    assert of_content("\n".join(["t;a3;a0;a1;a4;a2", *lines]), 5, 1) is None
+
+
+def test_exchanged_ends_and_scattered_strips_are_not_plausible() -> None:
+    assert (roughness(np.stack([HIGH, LOW], axis=2)) or 1.0) < 0.5
+    assert roughness(np.stack([LOW, HIGH], axis=2)) is None
+    assert roughness(np.stack([HIGH, LOW], axis=2)[:, [0, 2, 4, 1, 3]]) is None
+
+
+def test_a_line_of_something_else_among_whole_scans_is_set_aside_with_a_warning() -> None:
+    lines = [
+        "t_s,strip,v_h,v_l",
+        *(f"{0.1 * n:.1f},{s},{field(HIGH[n, s], '')},{field(LOW[n, s], '')}" for n in N for s in S),
+    ]
+    lines.insert(23, "supply: 4.98 V, strip heater 31")
+    found = read(lines)
+    check(found)
+    assert any("line 24 ('supply: 4.98 V" in d for d in found.doubts)
+    with pytest.raises(Unanswered, match="broken_lines"):
+        read([*lines[:30], "0.5,?x", *lines[31:]])  # this one leaves a gap
+
+
+def test_strips_that_float_near_0_without_a_gap_are_asked() -> None:
+    rng = np.random.default_rng(3)
+    rows = np.where(OPEN, rng.uniform(0.0, 0.13, OPEN.shape), 2.0 * (HIGH - HIGH[~OPEN].min()) + 0.07)
+    lines = [
+        "t_s," + ",".join(f"V{s}" for s in S),
+        *(f"{0.1 * n:.1f}," + ",".join(f"{v:.3f}" for v in rows[n]) for n in N),
+    ]
+    with pytest.raises(Unanswered, match="untouched="):
+        read(lines, ROW)
