@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from studies.doctor_limit import shows_in_bends
+from studies import doctor_limit
 from studies.faults import Defect, faulty_log
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
@@ -60,11 +60,11 @@ class Case:
         return diagnose(self.log())
 
     def shows(self, fault: str, strips: tuple[int, ...]) -> bool:
-        """Whether the readings hold a drift or a short at all (`doctor_limit.shows_in_bends`); other faults do."""
+        """Whether the readings hold a drift or a short at all (`doctor_limit.shows`); other faults do."""
         if fault not in ("drift", "short") or not strips:
             return True
         others = tuple(d for d in self.defects if (d.fault, d.strips()) != (fault, strips))
-        return shows_in_bends(self.log(), replace(self, defects=others).log(), strips)
+        return doctor_limit.shows(self.log(), replace(self, defects=others).log(), strips)
 
 
 def unit(random: np.random.Generator, strips: int | None = None) -> Sensor:

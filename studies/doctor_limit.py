@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import sys
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -22,12 +23,14 @@ import tacstrip as ts
 from studies.holdout import doctor_set, logs
 from tacstrip.arrays import FloatArray
 from tacstrip.diagnose import Log, read_log
-from tacstrip.diagnose.bend_model import BendModel
+from tacstrip.diagnose.bend_model import BendModel, Explanation
 from tacstrip.diagnose.doctor import working_sigma
 from tacstrip.diagnose.neighbour_prediction import places, working_copy
 from tacstrip.diagnose.noise import measure
+from tacstrip.diagnose.rigid_contact import RigidContact
 
 KINDS = ("drift of 1-3 %", "slow wander")
+_WAYS = ("bends", "outline")
 _APART = 2  # strips
 _PARTS = 256  # as the doctor's
 
@@ -37,8 +40,21 @@ _OFFSET, _GAIN = 0.3, 0.003  # prior standard deviations of a channel's own, ove
 _CHANCE = 3.7  # |z| that noise exceeds on one of 20 strips in 1 of 200 recordings
 
 
-def course_known(seed: int, number: int) -> tuple[str, float, float, float]:
-    """Return the doctor's verdict, |z| on the strip at fault, the largest on sound ones, |z| with known ends."""
+@dataclass(frozen=True)
+class Known:
+    """What a test shows that knows the course of a fault: the doctor's verdict, and |z|.
+
+    bends, outline: (|z| on the strip at fault, the largest on sound ones); ends: where contacts end is known, too.
+    """
+
+    verdict: str
+    bends: tuple[float, float]
+    outline: tuple[float, float]
+    ends: float
+
+
+def course_known(seed: int, number: int) -> Known:
+    """Return what is shown of a drift or wander of the hold-out."""
     random = np.random.default_rng([14, 1, seed, number])
     kind = list(doctor_set.KINDS)[number // 2 % len(doctor_set.KINDS)]
     caught: dict[str, Any] = {}
@@ -59,20 +75,25 @@ def course_known(seed: int, number: int) -> tuple[str, float, float, float]:
     added = caught["wrong"](still, np.broadcast_to(touch.time_s[:, None], still.shape[1:])) - still
     work = places(working_copy(log, working_sigma(measure(log))), max(len(log.time_s) // _PARTS, 1))
     course = np.interp(work.time_s, touch.time_s, added[0, :, strip])
-    z = np.max(
-        [_z(BendModel.fit(work, v), course - course.mean(), work.strips) for v in work.k.values()], axis=0
-    )
+    course -= course.mean()
+    fits = [BendModel.fit(work, v) for v in work.k.values()]
+    bends = [_z(m.explain(m.rows.effect(course[:, None])), m.sigma) for m in fits if m]
+    outline = RigidContact.fit(work)
+    against = [_z(outline.explain(course[:, None]), outline.sigma)] if outline else []
     far = np.abs(np.arange(work.strips) - strip) > _APART
+    nothing = [np.zeros(work.strips)]
+    shown = [np.max(z or nothing, axis=0) for z in (bends, against)]
+    both = [(float(z[strip]), float(z[far].max(initial=0.0))) for z in shown]
     ends = ends_known(log, strip, added[0, :, strip], one.material.white)
-    return doctor_set.score(seed, number)["verdict"], float(z[strip]), float(z[far].max(initial=0.0)), ends
+    return Known(doctor_set.score(seed, number)["verdict"], both[0], both[1], ends)
 
 
-def shows_in_bends(log: Log, sound: Log, strips: tuple[int, ...]) -> bool:
+def shows(log: Log, sound: Log, strips: tuple[int, ...]) -> bool:
     """Whether a fault of one strip, or of two neighbours, shows more where it is than anywhere further away.
 
     What it adds, the readings of a log less those without it (scans, strips), is regressed on what shape and constant
-    errors leave of the bends, of these strips and, with the same course, of all others: a likelihood ratio test that
-    knows the fault.
+    errors leave of the bends, and of one strip on what a rigid outline leaves, of these strips and, with the same
+    course, of all others: a likelihood ratio test that knows the fault.
     """
     work = places(working_copy(log, working_sigma(measure(log))), max(len(log.time_s) // _PARTS, 1))
     score, power = np.zeros((2, work.strips - len(strips) + 1))
@@ -82,13 +103,16 @@ def shows_in_bends(log: Log, sound: Log, strips: tuple[int, ...]) -> bool:
             return False
         added = np.nan_to_num(log.k[name] - sound.k[name])
         course = [np.interp(work.time_s, log.time_s, added[:, i])[:, None] for i in strips]
-        every = [{at + i: c for i, c in enumerate(course)} for at in range(len(score))]
-        own, common, _ = model.alternatives(every)
+        alternatives = [{at + i: c for i, c in enumerate(course)} for at in range(len(score))]
+        own, common, _ = model.alternatives(alternatives)
         power += own[:, 0] / model.sigma**2
         score += common[:, 0] / model.sigma**2
-    z = np.abs(score) / np.sqrt(np.maximum(power, 1e-9))
-    far = np.abs(np.arange(len(z)) - strips[0]) > _APART
-    return bool(z[strips[0]] > z[far].max(initial=0.0))
+    every = [np.abs(score) / np.sqrt(np.maximum(power, 1e-9))]
+    if len(strips) == 1 and (outline := RigidContact.fit(work)):
+        course = np.mean([np.nan_to_num(log.k[name] - sound.k[name])[:, strips[0]] for name in log.k], axis=0)
+        every.append(_z(outline.explain(np.interp(work.time_s, log.time_s, course)[:, None]), outline.sigma))
+    far = np.abs(np.arange(len(score)) - strips[0]) > _APART
+    return any(z[strips[0]] > z[far].max(initial=0.0) for z in every)
 
 
 def ends_known(log: Log, strip: int, course: FloatArray, white: float) -> float:
@@ -108,41 +132,38 @@ def ends_known(log: Log, strip: int, course: FloatArray, white: float) -> float:
     return float(np.sqrt(power))
 
 
-def _z(model: BendModel | None, course: FloatArray, strips: int) -> FloatArray:
-    """Return how many standard errors of a course (places,) each strip shows (strips,)."""
-    if model is None:
-        return np.zeros(strips)
-    found = model.explain(model.rows.effect(course[:, None]))
+def _z(found: Explanation, sigma: float) -> FloatArray:
+    """Return how many standard errors of a course each strip shows (strips,)."""
     return np.asarray(
-        np.abs(found.score) / np.sqrt(np.maximum(found.power_of_groups(1).ravel(), 1e-9)) / model.sigma
+        np.abs(found.score) / np.sqrt(np.maximum(found.power_of_groups(1).ravel(), 1e-9)) / sigma
     )
 
 
 def main(last: int) -> None:
     """Print a table of tuning seeds 0 to `last`."""
     every = len(doctor_set.KINDS)
-    rows = []
+    rows: dict[str, list[Known]] = {}
     for kind in KINDS:
-        at = list(doctor_set.KINDS).index(kind)
-        rows += [
-            (kind, *course_known(s, 2 * (at + every * turn) + 1)) for s in range(last + 1) for turn in (0, 1)
-        ]
-    limit = max(row[3] for row in rows)
+        first = 2 * list(doctor_set.KINDS).index(kind) + 1
+        rows[kind] = [course_known(s, first + 2 * every * turn) for s in range(last + 1) for turn in (0, 1)]
+    limits = [max(getattr(row, of)[1] for some in rows.values() for row in some) for of in _WAYS]
     lines = [
-        f"largest |z| of a strip without a fault, in {len(rows)} recordings: {limit:.1f}",
-        "",
-        "| fault | units | named or asked | missed | of these below the limit | below chance with known ends |",
-        "|" + " --- |" * 6,
+        f"largest |z| of a strip without a fault, {of}: {z:.1f}" for of, z in zip(_WAYS, limits, strict=True)
     ]
-    for kind in KINDS:
-        some = [row for row in rows if row[0] == kind]
-        missed = [row for row in some if row[1] == "missed"]
-        below = sum(row[2] <= limit for row in missed)
-        chance = sum(row[4] <= _CHANCE for row in missed)
-        lines.append(
-            f"| {kind} | {len(some)} | {len(some) - len(missed)} | {len(missed)} | {below} | {chance} |"
-        )
-    lines += ["", "missed: |z| " + ", ".join(f"{row[2]:.1f}" for row in rows if row[1] == "missed")]
+    head = (
+        "| fault | units | named or asked | below bends' limit | below outline's | below chance, known ends |"
+    )
+    lines += ["", head, "|" + " --- |" * 6]
+    for kind, some in rows.items():
+        below = [sum(getattr(r, of)[0] <= z for r in some) for of, z in zip(_WAYS, limits, strict=True)]
+        told = sum(row.verdict != "missed" for row in some)
+        chance = sum(row.ends <= _CHANCE for row in some)
+        lines.append(f"| {kind} | {len(some)} | {told} | {below[0]} | {below[1]} | {chance} |")
+    lines += ["", "missed, |z| of bends, outline, known ends:"]
+    lines += [
+        f"- {kind}: {r.bends[0]:.1f}, {r.outline[0]:.1f}, {r.ends:.1f}"
+        for kind, some in rows.items() for r in some if r.verdict == "missed"
+    ]  # fmt: skip
     sys.stdout.write("\n".join(lines) + "\n")
 
 

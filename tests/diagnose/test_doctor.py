@@ -425,6 +425,7 @@ def test_one_channel_on_vref_under_one_press_is_asked_about_as_stuck() -> None:
         (8, 71, "a wrong Vref of contacts that come to each strip's end once"),
         (7, 79, "hum within a cycle or two of half the scan rate"),
         (9, 79, "hum of strips that are visited in one half of the recording"),
+        (410, 383, "wander under contacts that turn, against one outline"),
         (
             410,
             777,
@@ -452,7 +453,6 @@ def test_sound_units_that_are_kept_apart_have_no_finding(number: int, why: str) 
     [
         (12, 49, "a cut strip with an offset, so that ground is not 0"),
         (1, 13, "tied sensing strips where the contact lies nearly straight"),
-        (410, 383, "wander under contacts that turn, by where in them a strip lies"),
     ],
 )
 def test_faults_that_hang_on_one_quarter_of_the_recording_are_asked_about(

@@ -53,6 +53,7 @@ _TESTS: dict[_Test, frozenset[str]] = {  # and the faults that each finds
 _QUARTERS = 4  # of a recording: a finding stands without any one of them, a question without some one
 _FALLS = 1  # quarters: one without which a finding is not seen may hold most of its strips' contacts
 _LATE = {"drift", "wander", "hum"}  # no other fault is judged by these
+_SLOW = ("drift", "wander")
 _BY_ALL_STRIPS = {"short", "drift", "wander"}  # what these do is held against what all others do
 _EVEN, _LOST = 0.7, 0.01  # of the scans: that follow evenly, where so many may be missing without a word
 _TIMED = 256  # parts of a recording in which a resting contact is looked at for drift
@@ -168,8 +169,11 @@ def _shown(
     everywhere = bool(kinds & _BY_ALL_STRIPS)
     kinds |= {f for f, i in every if f not in _LATE and (everywhere or any(_near(i, j) for _, j in sought))}
     again = _examined(part.kept(left), kinds, sought)
+    found = {(f.fault, f.strips) for f in again.findings}
+    # A part of a drift may bend, and one of a wander be straight.
+    found |= {(kind, strips) for fault, strips in found if fault in _SLOW for kind in _SLOW}
     return (
-        {(f.fault, f.strips) for f in again.findings},
+        found,
         {(cause, q.strips) for q in again.questions for cause in q.causes},
     )
 

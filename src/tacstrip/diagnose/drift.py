@@ -15,6 +15,7 @@ from tacstrip.diagnose.bend_model import BendModel, BendRows, Explanation
 from tacstrip.diagnose.faults import Finding, Question
 from tacstrip.diagnose.log import Log
 from tacstrip.diagnose.neighbour_prediction import WorkingCopy
+from tacstrip.diagnose.rigid_contact import RigidContact
 
 _DRIFT, _WANDER = (
     0.006,
@@ -46,6 +47,12 @@ _GAIN_OF_LINE, _OUTSTANDING_LINE, _CERTAIN = 60.0, 3.0, 4.0
 _GAIN_ASKED, _OUTSTANDING_ASKED, _CERTAIN_ASKED = 100.0, 1.4, 2.4
 _GAIN_FAR_OUT, _FAR_OUT = 60.0, 3.0  # asked, whatever looks say: they are few
 _GAIN_OF_LINE_ASKED, _OUTSTANDING_LINE_ASKED, _CERTAIN_OF_LINE_ASKED = 50.0, 2.5, 1.0
+# Against one rigid outline under all strips, which holds the shape: what of it is left is far less than of bends.
+_FITS = 1.7  # times the noise that a rigid outline leaves at the most
+_BEYOND, _BEYOND_LINE = (80.0, 2.6, 0.003), (40.0, 3.5, 0.004)  # gain, times the next strip's, over Vref
+_MOST_SEEN = 0.8  # of the strips: parts that no contact joins are outlines of their own
+_FEWEST_BESIDE = 8  # readings of a strip that may have done what is seen of another
+_BEYOND_ASKED, _BEYOND_LINE_ASKED = (50.0, 1.55, 0.004), (25.0, 2.4, 0.005)
 _LINE = (0.35, 0.6)  # of a change's gain that a line explains: less is wander, more drift
 _MOST_FOUND, _MOST_ASKED = 4, 2  # strips
 _MIDDLE = (np.arange(_BLOCKS) + 0.5) / _BLOCKS
@@ -111,15 +118,16 @@ def drift(
     for finding in found:
         work.drop(int(np.flatnonzero(work.order == finding.strips[0])[0]))
     asked: list[Question] = []
+    tau = (time_s - first) / seconds
+    at_rest_alone = bool(checked[log.touched.any(axis=0)].all())
     for _ in range(_MOST_FOUND):
-        if sought and sought <= {
-            i for verdicts in (found, asked) for verdict in verdicts for i in verdict.strips
-        }:
+        if sought and sought <= {i for some in (found, asked) for verdict in some for i in verdict.strips}:
             break
-        changes, seen = _against_neighbours(work, (time_s - first) / seconds)
+        place, verdict, seen = _against_neighbours(work, tau)
+        if not isinstance(verdict, Finding) and not at_rest_alone:
+            other, better, also = _against_outline(work, tau)
+            place, verdict, seen = (other, better, seen | also) if better else (place, verdict, seen | also)
         checked[work.order[seen]] = True
-        judged = ((one.place, _judged(one, int(work.order[one.place]))) for one in changes)
-        place, verdict = next((pair for pair in judged if pair[1]), (0, None))
         if verdict is None:
             break
         (found if isinstance(verdict, Finding) else asked).append(verdict)  # type: ignore[arg-type]
@@ -337,15 +345,11 @@ def _beside(there: BoolArray) -> BoolArray:
     return near
 
 
-def _against_neighbours(work: WorkingCopy, tau: FloatArray) -> tuple[list[_Change], BoolArray]:
-    """Return the changes that explain most of what bends do with time, and which strips could be looked at."""
-    time = np.stack(
-        [
-            np.sqrt(12.0) * (tau - 0.5),
-            *(np.sqrt(2.0) * np.cos(np.pi * k * tau) for k in range(2, _TERMS + 1)),
-        ],
-        axis=1,
-    )
+def _against_neighbours(
+    work: WorkingCopy, tau: FloatArray
+) -> tuple[int, Finding | Question | None, BoolArray]:
+    """Return the verdict on what explains most of what bends do with time: its place, it, and which were seen."""
+    time = _courses(tau)
     seen = np.zeros(work.strips, dtype=bool)
     signals = list(work.k.values())
     every: list[_Change] = []
@@ -373,8 +377,84 @@ def _against_neighbours(work: WorkingCopy, tau: FloatArray) -> tuple[list[_Chang
                                  certain_of_line, looks))  # fmt: skip
     # Of fewer strips there are no others to hold one against.
     if seen.sum() < _FEWEST_STRIPS:
-        return [], np.zeros_like(seen)
-    return sorted(every, key=lambda one: -one.gain), seen
+        return 0, None, np.zeros_like(seen)
+    every.sort(key=lambda one: -one.gain)
+    judged = ((one.place, _judged(one, int(work.order[one.place]))) for one in every)
+    return *next((pair for pair in judged if pair[1]), (0, None)), seen
+
+
+def _courses(tau: FloatArray) -> FloatArray:
+    """Return functions of time from 0 to 1 (places, terms), of mean square 1: a line, and cosines."""
+    waves = (np.sqrt(2.0) * np.cos(np.pi * k * tau) for k in range(2, _TERMS + 1))
+    return np.stack([np.sqrt(12.0) * (tau - 0.5), *waves], axis=1)
+
+
+def _against_outline(work: WorkingCopy, tau: FloatArray) -> tuple[int, Finding | Question | None, BoolArray]:
+    """Return what one strip does beyond a rigid outline under all: its place, the verdict, and which were seen.
+
+    Two fits, to halves of the places, have to blame one strip: a fit may end in a wrong minimum.
+    """
+    said: list[tuple[int, Finding | Question]] = []
+    every = np.zeros(work.strips, dtype=bool)
+    for part in range(2):
+        place, verdict, seen = _beyond_outline(work, tau, part)
+        every |= seen
+        if verdict is not None:
+            said.append((place, verdict))
+        elif seen.any():
+            return 0, None, every
+    if not said or len({place for place, _ in said}) > 1:
+        return 0, None, every
+    sure = [verdict for _, verdict in said if isinstance(verdict, Finding)]
+    if len(sure) == 2:
+        return said[0][0], sure[0], every
+    question = Question(said[0][1].strips, ("drift", "wander"), said[0][1].evidence)
+    return said[0][0], question, every
+
+
+def _beyond_outline(
+    work: WorkingCopy, tau: FloatArray, part: int
+) -> tuple[int, Finding | Question | None, BoolArray]:
+    """Return the same of one half of the places."""
+    model = RigidContact.fit(work, part)
+    nothing = np.zeros(work.strips, dtype=bool)
+    if model is None or model.sigma > _FITS * work.sigma or not model.moves():
+        return 0, None, nothing
+    counts = np.bincount(model.strip, minlength=work.strips)
+    seen = (counts >= _FEWEST) & _spans(model, tau)
+    if seen.sum() < max(_FEWEST_STRIPS, _MOST_SEEN * work.strips):
+        return 0, None, nothing
+    found = model.explain(_courses(tau))
+    power = found.power_of_groups(_TERMS)
+    some = counts >= _FEWEST_BESIDE
+    gain, line = (np.where(some, _gains(found, power, terms, model.sigma), 0.0) for terms in (_TERMS, 1))
+    by, by_line = int(np.argmax(gain)), int(np.argmax(line))
+    others, others_line = (
+        _others(found, power, at, terms, model.sigma, some) for at, terms in ((by, _TERMS), (by_line, 1))
+    )
+    one = model.explain(_courses(tau), trusted=by_line)
+    change = float(
+        np.sqrt(12.0) * one.score[by_line * _TERMS] / max(one.power_of_groups(_TERMS)[by_line, 0, 0], 1e-12)
+    )
+    size = _size(power[by], float(gain[by]), model.sigma)
+    whole, straight = (gain[by], gain[by] / max(others, 1e-9), size), float(line[by] / max(gain[by], 1e-9))
+    lines = line[by_line], line[by_line] / max(others_line, 1e-9), abs(change)
+    against = "against one rigid contact under all strips"
+    drifted = f"moved by about {100 * change:+.1g} % of Vref from start to end, {against}"
+    wandered = f"wanders by +-{100 * size:.2g} % of Vref {against}"
+    if seen[by] and _beyond(whole, _BEYOND) and straight < _LINE[0]:
+        return by, Finding("wander", (int(work.order[by]),), wandered, {"wander": size}), seen
+    if seen[by_line] and _beyond(lines, _BEYOND_LINE):
+        return by_line, Finding("drift", (int(work.order[by_line]),), drifted, {"change": change}), seen
+    if _beyond(lines, _BEYOND_LINE_ASKED):
+        return by_line, Question((int(work.order[by_line]),), ("drift", "wander"), drifted), seen
+    if _beyond(whole, _BEYOND_ASKED):
+        return by, Question((int(work.order[by]),), ("drift", "wander"), wandered), seen
+    return 0, None, seen
+
+
+def _beyond(shown: tuple[float, ...], least: tuple[float, ...]) -> bool:
+    return all(a > b for a, b in zip(shown, least, strict=True))
 
 
 def _shown_at(strips: int) -> IntArray:
@@ -419,7 +499,7 @@ def _others(
     return float(gains.max(initial=0.0))
 
 
-def _spans(rows: BendRows, tau: FloatArray) -> BoolArray:
+def _spans(rows: BendRows | RigidContact, tau: FloatArray) -> BoolArray:
     """Return which strips have bends early and late (strips,)."""
     first, last = np.full(rows.strips, np.inf), np.full(rows.strips, -np.inf)
     np.minimum.at(first, rows.strip, tau[rows.place])
