@@ -11,7 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tacstrip.errors import ContactError, OptionError
-from tacstrip.geometry.metrics import clean_polygon, errors_of_many, mismatch, mismatch_coefficient
+from tacstrip.geometry.metrics import (
+    clean_polygon,
+    column_iou,
+    errors_of_many,
+    mismatch,
+    mismatch_coefficient,
+    pairwise_column_iou,
+)
 from tacstrip.geometry.moments import moments
 
 if TYPE_CHECKING:
@@ -382,3 +389,11 @@ def test_errors_of_many_are_those_of_each(corners: int, sides: int) -> None:
     for k in set(range(20)) - {5, 6}:
         m = mismatch(original, many[k])
         np.testing.assert_allclose(errors[k], [m.mc, m.aoe, m.ape], rtol=0, atol=1e-12)
+
+
+def test_overlaps_of_all_pairs_are_those_of_each() -> None:
+    ends = np.sort(np.random.default_rng(1).random((7, 2, 30)), axis=1)
+    ends[:2, :, :20], ends[2, :, 20:] = 0.0, 0.0  # two of them apart from a third one
+    each = [[column_iou(a, b) for b in ends] for a in ends]
+    np.testing.assert_array_equal(pairwise_column_iou(ends), each)
+    assert pairwise_column_iou(ends)[0, 2] == 0.0
