@@ -141,3 +141,10 @@ def test_strips_that_float_near_0_without_a_gap_are_asked() -> None:
     ]
     with pytest.raises(Unanswered, match="untouched="):
         read(lines, ROW)
+
+
+@pytest.mark.parametrize("before", ["[{} ms]", "<2026-11-28T10:02:{:06.3f}>"])
+def test_a_word_for_no_contact_in_a_list_behind_a_name_shifts_no_strip(before: str) -> None:
+    lines = [f"@rek: {before.format(100 * n if 'ms' in before else 0.1 * n)} " for n in N]
+    lines = [line + "rek " + " ".join(field(v, "x") for v in HIGH[n]) for n, line in enumerate(lines)]
+    check(read(["# volts", *lines], ROW), 1)

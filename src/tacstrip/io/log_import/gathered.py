@@ -14,7 +14,7 @@ from tacstrip.io.log_import.fields import is_prose, says_nothing
 from tacstrip.io.log_import.names import meaning
 from tacstrip.io.log_import.records import LABELS, STEADY, Item, is_label, items
 from tacstrip.io.log_import.table import NoTableError, Table, of_records
-from tacstrip.io.log_import.tokens import VALUE, parted
+from tacstrip.io.log_import.tokens import TIME, VALUE, parted
 from tacstrip.io.log_import.untouched import with_names_of_nothing
 
 _FEW_KINDS = 0.5  # of the records: as many name the same values, or all do as they like
@@ -163,7 +163,7 @@ def _gathered(parsed: list[tuple[int, list[Item]]], texts: Mapping[int, str]) ->
     kinds = Counter(frozenset(r) for r in records)
     usual, many = kinds.most_common(1)[0]
     forms = {parted(i, texts[i]).form for i in lines if i in texts}
-    values = [form.count(VALUE) for form in forms]
+    values = [form.count(VALUE) + form.count(TIME) for form in forms]
     # As where a mark that is no number was passed over.
     if len(kinds) > 1 and len(forms) == 1 and len(lines) > _FEW_ALIKE and values[0] >= max(map(len, records)):
         raise NoTableError(f"lines from {lines[0]} on are of one form, and give different numbers of values")
