@@ -26,7 +26,7 @@ from tacstrip.io.log_import.names import CLOCKS, IN_VOLTS, meaning, meanings
 from tacstrip.io.log_import.others import drop_others
 from tacstrip.io.log_import.questions import KEYS, Clues, Question, Unanswered
 from tacstrip.io.log_import.scans import LogScan, is_newest_first, scans, strip_numbers
-from tacstrip.io.log_import.sides import assigned_otherwise, from_the_right_said
+from tacstrip.io.log_import.sides import assigned_otherwise, from_the_right_said, order_elsewhere
 from tacstrip.io.log_import.statements import base_said
 from tacstrip.io.log_import.supply import ask_for_supply
 from tacstrip.io.log_import.table import PART, REPEATED, NoTableError, Table
@@ -492,6 +492,13 @@ def _strip_order(clues: Clues, found: Columns, strips: int) -> str:
             f"the log says {told[:_LONG]!r}, and in readings the first strip is the leftmost: turn the strips' order "
             "round (descending), or is the log's first strip the readings' first (ascending)?",
             *STRIP_ORDERS[::-1],
+        )
+    elif columns and (told := order_elsewhere(clues.table.preamble)):
+        clues.ask(
+            "strip_order",
+            f"the log says {told[:_LONG]!r}: do its columns stand in the strips' order (ascending), or does the last "
+            "strip stand first (descending)? If neither, give them the strips' numbers",
+            *STRIP_ORDERS,
         )
     return STRIP_ORDERS[clues.descending]
 

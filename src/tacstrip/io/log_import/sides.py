@@ -35,6 +35,14 @@ _SHIFTED = re.compile(
     rf"\b{_STRIP}\s*#?([a-z])\b[^.;]{{0,20}}?\b{_STRIP}\s*#?\1\s*([-+])\s*([1-9]\d*)\b", re.IGNORECASE
 )
 _IS = r"(?:[:=]|[-=]>|\u2192|\b(?:is|on|to|at)\b)"
+# As "channel map: see wiring.xlsx", "pinout in README".
+_ELSEWHERE = re.compile(
+    r"\b(?:map(?:ping)?|pin ?-?out|wiring|order|assignment|belegung|zuordnung|reihenfolge|verdrahtung)\b[^.\n]{0,20}?"
+    r"\b(?:see|in|as in|per|cf|from|siehe|s\.|laut|nach|voir|ver)\b[^\n]{0,20}?"
+    r"(?:\w+\.(?:xlsx?|ods|csv|txt|md|pdf|docx?|png|jpe?g|svg|h|ino|toml|ya?ml|json)\b"
+    r"|\b(?:read ?me|notebook|photo|sketch|drawing|laborbuch|skizze|foto)\b)",
+    re.IGNORECASE,
+)
 _FEW = 2  # columns of which a strip is told
 # Of what touches, of one strip beside another, of the two ends of a strip, or of nothing.
 _OTHERWISE = re.compile(
@@ -84,6 +92,19 @@ def assigned_otherwise(columns: Mapping[str, int], lines: Sequence[str]) -> tupl
     whole = numbers == list(range(numbers[0], numbers[0] + len(columns))) and numbers[0] in (0, 1)
     wired = {name: number - numbers[0] for name, (number, _) in told.items()} if whole and not turned else {}
     return next(iter(told.values()))[1], turned, wired
+
+
+def order_elsewhere(lines: Sequence[str]) -> str:
+    """Return the line that says that the order of channels stands in another file; "" where none does.
+
+    Examples
+    --------
+    >>> order_elsewhere(["CD74HC4067 mux, channel map: see wiring.xlsx"])
+    'CD74HC4067 mux, channel map: see wiring.xlsx'
+    >>> order_elsewhere(["channel map: C0..C7 = strips 0..7", "see notes.txt", "in order of strips"])
+    ''
+    """
+    return next((line.strip() for line in lines if _ELSEWHERE.search(line)), "")
 
 
 def from_the_right_said(lines: Sequence[str], strips: int) -> str:

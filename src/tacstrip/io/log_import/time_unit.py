@@ -48,6 +48,12 @@ _RATE = re.compile(
     r"\b(?:\w*(?:rate|frequenz|frequency|fs|freq|takt|sampled|sampling|recorded|logged)\w*)\b[^\d\n]{0,20}?([\d.,]+)\s*(k?)(?:hz|sps|s/s|1/s)",
     re.IGNORECASE,
 )
+# As "fs_hz: 50", "sampling rate [Hz], 100".
+_RATE_NAMED = re.compile(
+    r"(?<![^\W_])(?:f_?s|\w*rate|\w*(?:sampl|scan|acqui|abtast)\w*(?:[ _]\w+)?)"
+    r"[ _]*[\[(]?(k?)hz[\])]?\s*[:=,;\t]\s*\"?([\d.,]+)",
+    re.IGNORECASE,
+)
 _RATE_BEHIND = re.compile(
     r"(?<![\w.,])(\d[\d.,]*)\s*(k?)(?:hz|sps)\s+(?:sampl|scan|rate|abtast|log|record)", re.IGNORECASE
 )
@@ -320,7 +326,12 @@ def _rates_above(clues: Clues) -> set[float]:
         return {1.0 / step for step in steps if step}
     rates = {
         value * (1000.0 if kilo else 1.0)
-        for digits, kilo in (*_RATE.findall(text), *_RATE_BEHIND.findall(text), *_AT_RATE.findall(text))
+        for digits, kilo in (
+            *_RATE.findall(text),
+            *_RATE_BEHIND.findall(text),
+            *_AT_RATE.findall(text),
+            *(named[::-1] for named in _RATE_NAMED.findall(text)),
+        )
         if (value := number_of(digits.rstrip(".,"), "," if "," in digits else "."))
     }
     rates |= {
