@@ -212,3 +212,14 @@ def test_readings_that_are_no_volts_of_the_sensor_are_refused() -> None:
     raw["kh"][3, 2] = 1e300
     with pytest.raises(ReadingError, match="v_h reads 1e\\+300 times vref_volt: these are no volts"):
         learn_noise(Log.of(SENSOR, 0.5 * np.arange(140.0), raw))
+
+
+@pytest.mark.parametrize("seed", [0, 2])
+def test_corners_of_a_mean_on_few_strips_are_no_errors_that_last(seed: int) -> None:
+    sensor = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=10.0, length_mm=100.0, adc_bits=10)
+    contact = ts.Contact.polygon([(12, 22), (86, 34), (72, 78), (30, 70)])
+    scans = [ts.simulate(sensor, contact, ts.Noise(white=0.0017), rng=1000 * seed + i) for i in range(300)]
+    raw = {name: np.stack([scan[name] for scan in scans]) for name in ("kh", "kl")}
+    learned = learn_noise(Log.of(sensor, 0.2 * np.arange(300), raw))
+    assert not any("errors that do not change" in text for text in learned.unidentifiable)
+    assert learned.noise.edge_mm < 0.05

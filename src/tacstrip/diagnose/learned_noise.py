@@ -364,12 +364,18 @@ def _static(
     scan = Scan(**mean, time_s=float(log.time_s[0]), averaged=count, span_s=period_s * (count - 1))
     told: dict[int, list[tuple[float, ...]]] = {}
     typical: dict[int, float] = {}
-    free = 0
+    free, beyond = 0, False  # a count of corners whose outline leaves too few readings to judge
+    # A mean's corners lie far above its noise, and pass for faulty readings where the fit has to find that itself.
     for tried in _COUNTS if vertices is None else (vertices,):
-        objects = fit_polygon(scan, sensor, vertices=tried, assessment="none").objects
-        if vertices is None and any(len(found.vertices) != tried for found in objects):
-            continue
-        if parts := list(_projections(log, scan, objects)):
+        fits: list[list[_Part]] = []
+        for given in (noise, None):
+            objects = fit_polygon(scan, sensor, given, vertices=tried, assessment="none").objects
+            if vertices is None and any(len(found.vertices) != tried for found in objects):
+                continue
+            fits += [parts] if (parts := list(_projections(log, scan, objects))) else []
+            beyond |= not parts
+        if fits:
+            parts = min(fits, key=_typical)
             told[tried], typical[tried] = _likelihoods(log, scan, noise, parts, edges), _typical(parts)
             free = free or sum(len(p.residuals) - p.slopes.shape[1] for p in parts)
     # Long smooth errors of ends could make any outline of a triangle; where more corners do much better, it is none.
@@ -378,11 +384,9 @@ def _static(
     if not told:
         return noise, {}, _TOO_FEW
     likeliest = min(told, key=lambda tried: min(told[tried]))
+    more = f"{_TOO_FEW}, and more than {likeliest} corners cannot be ruled out; --vertices says how many"
     if vertices is None and likeliest + 1 not in told:
-        why_not = (
-            f"{_TOO_FEW}, and more than {likeliest} corners cannot be ruled out; --vertices says how many"
-        )
-        return noise, {}, why_not
+        return noise, {}, more
     deviance, own, edge, length = np.array([row for rows in told.values() for row in rows]).T
     weight = np.exp(-0.5 * (deviance - deviance.min()))
     weight /= weight.sum()
@@ -390,11 +394,8 @@ def _static(
     lasting, soft = math.sqrt(weight @ own**2), math.sqrt(weight @ edge**2)
     if lasting > _MOST_LASTING or soft > sensor.pitch_mm:
         off = f"{100.0 * lasting:.2g} % of Vref, or ends by {soft:.2g} mm"
-        return (
-            noise,
-            {},
-            f"the readings lie off the best outline by {off}, too far for noise; is it a polygon?",
-        )
+        far = f"the readings lie off the best outline by {off}, too far for noise; is it a polygon?"
+        return noise, {}, more if beyond else far
     if lasting**2 > _SMALL * own_variance(noise, sensor, Averaging.of(scan)):
         lasts = max(_SLOW_S, _SLOW * scan.span_s)
         shared = min(noise.wander_shared + noise.wander_by_signature, _MOST_SHARED)
