@@ -282,7 +282,8 @@ def test_touch_and_rezero_on_the_command_line(bench: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["sensor.toml"], "name the spec to write with -o"),
+        (["sensor.toml"], "give RUNS to calibrate from"),
+        (["sensor.toml", "runs.csv"], "name the spec to write with -o"),
         (["sensor.toml", "-o", "x.toml"], "give RUNS to calibrate from, or one of --touch, --plan, --rezero"),
         (["--plan", "sensor.toml", "runs.csv"], "--plan takes no RUNS"),
         (["--plan", "--rezero", "sensor.toml"], "--plan and --rezero are two jobs"),

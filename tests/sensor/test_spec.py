@@ -209,7 +209,8 @@ def test_simulated_sensors_are_those_of_chapter_5(name: str) -> None:
         (METAL, {"radius_mm": 9.0}, "radius_mm does not belong to a crs-m sensor, only to: cyl-crs-m"),
         (TUBE, {"radius_mm": None}, "radius_mm is missing: a cyl-crs-m sensor needs it"),
         (TUBE, {"radius_mm": -9}, "radius_mm = -9.0: must be above 0"),
-        (TUBE, {"radius_mm": 7.9}, "radius_mm = 7.9: 50.0 mm of strips do not fit round 49.64 mm"),
+        (TUBE, {"radius_mm": 7.9}, "radius_mm = 7.9: 10 strips of pitch_mm = 5 do not fit round 49.6372 mm; "
+         "that is pitch_mm = 4.9637 at most"),
         (FLAT, {"resistivity_ratio": 0.0}, "resistivity_ratio = 0.0: must be above 0"),
         (METAL, {"resistivity_ratio": 2}, "resistivity_ratio does not belong to a crs-m sensor, only to: {}"),
         (FLAT, {"contact_lambda_mm": -0.1}, "contact_lambda_mm = -0.1: must be 0 (ideal) or more"),

@@ -105,14 +105,14 @@ def command(
                 f"{output}: fill in the readings, then: tacstrip calibrate SENSOR {output} -o calibrated.toml"
             )
         return
+    if data is None and touch is None:
+        raise OptionError("give RUNS to calibrate from, or one of --touch, --plan, --rezero")
     if output is None:
         raise OptionError("name the spec to write with -o, for example -o calibrated.toml")
     if zeroed and data is not None:
         _rezeroed(spec, data, reference).save(output)
         click.echo(f"{output} written")
         return
-    if data is None and touch is None:
-        raise OptionError("give RUNS to calibrate from, or one of --touch, --plan, --rezero")
     require_closed_form(spec)
     accepted = True
     if data is not None:

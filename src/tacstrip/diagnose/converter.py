@@ -30,7 +30,7 @@ _PILE, _PILE_ASKED = 3.5, 2.5  # times as dense as below; for a question
 _SLANTED = 0.75  # of the variance of their levels, in a line or a bow across the strips
 # Steps and over Vref, of noise that would show; over Vref, of ends, where converters stop; readings at a level.
 _RESOLVED, _LEAST_RESOLVED, _ENDS, _CUT_OFF = 1.2, 2e-4, 0.03, 8
-_WHOLE = 1e-3  # of a step: rounding of printed volts
+_WHOLE = 0.02  # of a step: rounding of volts printed to four decimals
 
 
 def stuck_bits(log: Log) -> tuple[list[Finding], str]:

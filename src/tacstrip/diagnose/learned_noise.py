@@ -142,7 +142,7 @@ def learn_noise(log: Log, vertices: int | None = None) -> LearnedNoise:
     lasts_s = period_s * (len(values) - 1)
     if lasts_s < _MINUTE_S:
         unidentifiable.append(
-            f"{lasts_s:.3g} s tell little of a wander that takes as long: record a minute or more of a still press"
+            f"a wander of {lasts_s:.3g} s or longer: record a minute or more of a still press"
         )
     strays, stray_size = _take_strays(values)
     hum, hum_hz = _take_hum(values, period_s)

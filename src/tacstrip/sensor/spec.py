@@ -371,7 +371,8 @@ def _check(s: Sensor) -> None:
     if s.radius_mm is not None and s.width_mm > 2.0 * math.pi * s.radius_mm * (1.0 + 1e-9):
         around = 2.0 * math.pi * s.radius_mm
         raise SpecError(
-            f"radius_mm = {s.radius_mm}: {s.width_mm} mm of strips do not fit round {around:.4g} mm"
+            f"radius_mm = {s.radius_mm}: {s.strips} strips of pitch_mm = {s.pitch_mm:.6g} do not fit round "
+            f"{around:.6g} mm; that is pitch_mm = {math.floor(1e4 * around / s.strips) / 1e4:g} at most"
         )
 
 
