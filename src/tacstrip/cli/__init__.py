@@ -60,7 +60,7 @@ _THREADS = (
     "OPENBLAS_NUM_THREADS",
     "GOTO_NUM_THREADS",
     "OMP_NUM_THREADS",
-)  # what OpenBLAS asks, the first one first
+)  # where OpenBLAS looks for a number of threads, in its order
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _COULD_NOT = (*_FULL, errno.EIO, errno.ENOMEM, errno.EMFILE, errno.ENFILE)  # whatever the input
 

@@ -369,7 +369,7 @@ def _other_area(outline: Outline, covariance: FloatArray, area_mm2: tuple[float,
 def _beside_pair(
     pair: Pair, confidence: float | None, alternatives: tuple[Alternative, ...]
 ) -> tuple[float | None, tuple[Alternative, ...], float]:
-    """Return what is left of a confidence beside two objects, alternatives with these, and the former as a number."""
+    """Return the confidence and the alternatives beside two objects, and how sure it is one object that overlaps."""
     one = 1.0 - pair.probability
     sure = one if confidence is None else one * confidence
     two = Alternative(pair.probability, pair.lower, others=(pair.upper,))
