@@ -235,6 +235,13 @@ def test_from_plan_to_calibrated_spec(bench: Path) -> None:
     assert run(out, runs, "-o", bench / "x.toml", "--unit", "right", "--force", "--model", "mean").code == 0
 
 
+def test_a_plan_that_does_not_reach_what_is_wanted_is_written_and_ends_with_1(bench: Path) -> None:
+    planned = run("--plan", bench / "sensor.toml", "-o", bench / "runs.csv", "--wanted", 0.01)
+    assert planned.code == 1
+    assert "+-0.01 % is not reached" in planned.text
+    assert (bench / "runs.csv").exists()
+
+
 def test_runs_that_do_not_fit_make_no_spec(bench: Path) -> None:
     spec, runs, out = bench / "sensor.toml", bench / "runs.csv", bench / "calibrated.toml"
     run("--plan", spec, "-o", runs)

@@ -72,7 +72,7 @@ def command(
 
     The calibrated spec stands in for SENSOR in all other verbs. `--plan` says which contacts to make, `--touch` learns
     what an untouched strip reads, `--rezero` removes drift. Exit code 2: the runs are wrong, in other units for
-    example; 1: they do not describe this sensor, and no spec is written.
+    example; 1: they do not describe this sensor, and no spec is written, or no plan reaches what is wanted.
 
     Example: tacstrip calibrate sensor.toml runs.csv -o calibrated.toml --report report
     """
@@ -104,6 +104,8 @@ def command(
             click.echo(
                 f"{output}: fill in the readings, then: tacstrip calibrate SENSOR {output} -o calibrated.toml"
             )
+        if not made.reached:
+            sys.exit(1)
         return
     if data is None and touch is None:
         raise OptionError("give RUNS to calibrate from, or one of --touch, --plan, --rezero")

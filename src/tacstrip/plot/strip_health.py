@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import FixedLocator, MaxNLocator
 
 from tacstrip.arguments import takes
 from tacstrip.arrays import FloatArray, IntArray
@@ -27,6 +27,7 @@ CONDITIONS = {
 _MOST_FAULTS = 12  # kinds with a row of their own
 _THINNEST = 0.004  # of the picture's width: a single strip of many is drawn so wide at least
 _ROW_INCH = 0.28
+_MOST_NUMBERED = 20  # strips with a number each; of more, every second, fifth ...
 
 
 @takes(report=Report)
@@ -70,7 +71,7 @@ def health(report: Report, *, ax: Axes | None = None) -> Axes:
     axes.set_yticks(range(len(rows) + 1), ["condition", *(title for title, _, _ in rows)])
     axes.tick_params(axis="y", length=0.0)
     axes.set(xlim=(strips[0] - 0.6, strips[-1] + 0.6), ylim=(len(rows) + 0.5, -0.5), xlabel="strip")
-    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    _number(axes, strips)
     found = len({f.fault for f in report.findings})
     if found > len(rows):
         axes.set_title(f"{len(rows)} of {found} kinds of fault")
@@ -121,8 +122,14 @@ def health_figure(log: Log, report: Report) -> Figure:
     noise.set(ylabel="noise [+-% of Vref],\nnoisier channel", xlabel="strip")
     for panel in (readings, noise):
         panel.set_xlim(strips[0] - 0.6, strips[-1] + 0.6)
-        panel.xaxis.set_major_locator(MaxNLocator(integer=True))
+        _number(panel, strips)
     return figure
+
+
+def _number(axes: Axes, strips: IntArray) -> None:
+    """Write the strips' numbers on the x axis, each where there is room."""
+    few = len(strips) <= _MOST_NUMBERED
+    axes.xaxis.set_major_locator(FixedLocator(strips.tolist()) if few else MaxNLocator(integer=True))
 
 
 def _rows(report: Report) -> list[tuple[str, str, IntArray]]:

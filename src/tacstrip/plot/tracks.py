@@ -78,11 +78,12 @@ def track(tracks: Track | Sequence[Track], sensor: Sensor, *, ax: Axes | None = 
 def track_figure(sensor: Sensor, tracks: Sequence[Track]) -> Figure:
     """Draw tracks: where they went, what they look like, and how they turned."""
     figure = new_figure(7.0, 6.6)
-    way, shape, pose = (add_axes(figure, 2, 2, place) for place in (1, 2, (3, 4)))
+    way, shape, place, turn = (add_axes(figure, 2, 2, number) for number in (1, 2, 3, 4))
     track(tracks, sensor, ax=way)
     way.set_title("paths over the sensor")
     shape.set(xlabel="x [mm]", ylabel="y [mm]", title="shapes, 95 % regions")
-    pose.set(xlabel="time [s]", ylabel="[mm], and [deg] dotted", title="x, y and angle")
+    place.set(xlabel="time [s]", ylabel="x, y of the centroid [mm]", title="places")
+    turn.set(xlabel="time [s]", ylabel="angle [deg]", title="angles")
     shared = np.zeros(len(tracks[0].times_s) if tracks else 0, dtype=bool)
     look: dict[str, Any]
     for one, colour, marker in _coloured(tracks):
@@ -96,16 +97,19 @@ def track_figure(sensor: Sensor, tracks: Sequence[Track]) -> Figure:
         time = one.times_s if np.diff(one.times_s).any() else np.arange(len(one.times_s))
         shared[list(one.joint)] = True
         values = (*one.centroids.T, np.rad2deg(one.poses[:, 2]))
-        for name, value, dashes in zip(("x", "y", "angle"), values, ("-", "--", ":"), strict=True):
+        panels = zip((place, place, turn), ("x", "y", "angle"), values, ("-", "--", "-"), strict=True)
+        for axes, name, value, dashes in panels:
             if name == "angle" and one.by_scan is not None:
                 continue  # no rigid outline explains the scans: none that turned
             look = {"color": colour, "linestyle": dashes, "marker": marker, "markersize": 3.0}
-            pose.plot(time, value, markevery=max(len(time) // 8, 1), label=f"{one.id}: {name}", **look)
-    if shared.any():  # as high as what is drawn, not up into the legend's room
-        pose.set_ylim(pose.get_ylim())
+            axes.plot(time, value, markevery=max(len(time) // 8, 1), label=f"{one.id}: {name}", **look)
+    for axes in (
+        (place, turn) if shared.any() else ()
+    ):  # as high as what is drawn, not up into the legend's room
+        axes.set_ylim(axes.get_ylim())
         look = {"color": SENSOR, "linewidth": 0.0, "zorder": 0, "label": "strips shared"}
-        pose.fill_between(time, *pose.get_ylim(), where=shared, **look)
-    for axes in (shape, pose):
+        axes.fill_between(time, *axes.get_ylim(), where=shared, **look)
+    for axes in (shape, place, turn):
         handles, labels = axes.get_legend_handles_labels()
         if labels:
             legend_above(axes, 3, handles=handles[: 3 * _MOST_NAMED], labels=labels[: 3 * _MOST_NAMED])
