@@ -81,30 +81,7 @@ def command(
     _check_options(planned, zeroed, data is not None)
     spec = load_sensor(sensor)
     if planned:
-        chosen = "" if model == "auto" else model
-        noise = Noise(positional=design["noise"] / 100.0)
-        planned_for = partial(
-            plan, spec, design["wanted"], noise, chosen, design["unit_mm"], uneven=design["uneven"]
-        )
-        made = planned_for(place_mm=design["place_mm"])
-        _show_plan(made, spec, design["wanted"], design["place_mm"])
-        if made.count > _MANY:
-            finer_mm = design["place_mm"] / 5.0
-            if (fewer := planned_for(place_mm=finer_mm).count) < made.count / 2:
-                note(
-                    f"So many because an error of {design['place_mm']:g} mm is "
-                    f"{100.0 * design['place_mm'] / spec.length_mm:.2g} % of a strip: {fewer} do where places are "
-                    f"exact to {finer_mm:g} mm (--place-mm)"
-                )
-        if output is not None:
-            places = [
-                (s, l, w) for l, w, times in made.contacts for _ in range(times) for s in range(spec.strips)
-            ] + [(s, l, 0.0) for s, l in enumerate(made.slanted_mm)]
-            write_plan(output, spec, places, unit)
-            click.echo(
-                f"{output}: fill in the readings, then: tacstrip calibrate SENSOR {output} -o calibrated.toml"
-            )
-        if not made.reached:
+        if not _planned(spec, output, "" if model == "auto" else model, unit, **design):
             sys.exit(1)
         return
     if data is None and touch is None:
@@ -167,6 +144,40 @@ def _check_options(planned: bool, zeroed: bool, data: bool) -> None:
     options.belong(calibrates, "is of a calibration: give RUNS", "report", "plot", "force")
     options.belong(calibrates or planned, "is of a calibration: give RUNS, or --plan", "model", "unit")
     options.belong(not (planned or zeroed), "is a job of its own, or of a calibration: leave it out", "touch")
+
+
+def _planned(
+    spec: Sensor,
+    output: Path | None,
+    model: str,
+    unit: str,
+    *,
+    wanted: float,
+    noise: float,
+    place_mm: float,
+    unit_mm: float | None,
+    uneven: bool,
+) -> bool:
+    """Show and write the contacts to make, and say whether they reach what is wanted."""
+    planned_for = partial(plan, spec, wanted, Noise(positional=noise / 100.0), model, unit_mm, uneven=uneven)
+    made = planned_for(place_mm=place_mm)
+    _show_plan(made, spec, wanted, place_mm)
+    if made.count > _MANY:
+        finer_mm = place_mm / 5.0
+        if (fewer := planned_for(place_mm=finer_mm).count) < made.count / 2:
+            note(
+                f"So many because an error of {place_mm:g} mm is {100.0 * place_mm / spec.length_mm:.2g} % of a strip: "
+                f"{fewer} do where places are exact to {finer_mm:g} mm (--place-mm)"
+            )
+    if output is not None:
+        places = [
+            (s, l, w) for l, w, times in made.contacts for _ in range(times) for s in range(spec.strips)
+        ] + [(s, l, 0.0) for s, l in enumerate(made.slanted_mm)]
+        write_plan(output, spec, places, unit)
+        click.echo(
+            f"{output}: fill in the readings, then: tacstrip calibrate SENSOR {output} -o calibrated.toml"
+        )
+    return made.reached
 
 
 def _show_plan(made: Plan, spec: Sensor, wanted: float, place_mm: float) -> None:
