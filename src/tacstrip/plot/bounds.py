@@ -19,7 +19,16 @@ from tacstrip.geometry.outline import Outline
 from tacstrip.geometry.region import regions
 from tacstrip.plot.scene import draw_polygon, fill_sheet, zoom
 from tacstrip.plot.sensors import axes_with_sensor
-from tacstrip.plot.theme import COLOURS, RECOVERED, TRUE, legend_above, new_figure, plain_ticks, themed
+from tacstrip.plot.theme import (
+    COLOURS,
+    RECOVERED,
+    TRUE,
+    legend_above,
+    legend_below,
+    new_figure,
+    plain_ticks,
+    themed,
+)
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 
@@ -113,8 +122,8 @@ def limits_figure(sensor: Sensor, outline: Outline, found: Sequence[Limit], over
             label = None
     zoom(left, outline.vertices, sensor)
     left.set_title("95 % regions\nof the best estimate")
-    if entries := left.get_legend_handles_labels()[0]:  # within, it would lie on a long sensor
-        figure.legend(handles=entries, loc="outside lower left", ncols=3, frameon=False)
+    handles, labels = left.get_legend_handles_labels()
+    legend_below(figure, dict(zip(labels, handles, strict=True)), 3)  # within, it would lie on a long sensor
     fill_sheet(left, sensor)
     axes_with_sensor(sensor, right)
     _draw_map(right, sensor, outline, over)

@@ -157,7 +157,7 @@ def calibration_graphs(result: Calibrated, strip: int) -> Figure:
         off = vref * result.after[name][here, strip]
         axes.plot(l, fitted + off, ".", color="k", label="corrected", ms=3.0)
         volt = SIGNATURES[name].volt_column
-        axes.set_title(f"strip {strip + sensor.strip_base}, {volt}, w = {w:g} mm")
+        axes.set_title(f"strip {strip + sensor.strip_base}, w = {w:g} mm", fontsize="medium")
         low, high = axes.get_ylim()
         missing = max(_LEAST_SPAN * vref - (high - low), 0.0)
         axes.set(ylim=(low - 0.5 * missing, high + 0.5 * missing), xlabel="l [mm]", ylabel=f"{volt} [V]")
@@ -196,7 +196,8 @@ def residuals_along_strips(result: Calibrated) -> Figure:
                 label = f"w = {w:g} mm" if j == 0 else None
                 axes.plot(middle[here], 100.0 * values[here], ".", color=colour, ms=2.0, label=label)
         _bands(axes)
-        axes.set(title=title, xlabel="middle of the contact [mm]", ylabel="error [% of Vref]")
+        axes.set_title(title, fontsize="medium")  # a model of many parts is long
+        axes.set(xlabel="middle of the contact [mm]", ylabel="error [% of Vref]")
         legend_above(axes)
     return figure
 

@@ -14,7 +14,7 @@ from matplotlib.patches import Polygon
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.shape import Contact
 from tacstrip.plot.scene import LabelledObject, draw_contact, draw_signatures, labelled_objects, number_strips
-from tacstrip.plot.theme import SENSOR, STRIP, add_axes, legend_above, new_figure
+from tacstrip.plot.theme import SENSOR, STRIP, add_axes, legend_above, legend_below, new_figure
 from tacstrip.reconstruction.result import Reconstruction
 from tacstrip.scan import Scan
 from tacstrip.sensor.layers import Layer, LayeredSensor
@@ -69,7 +69,7 @@ def layers_figure(
             Line2D([], [], color=_OTHER, linestyle=":", label="other scenes that explain the readings")
         )
     scene.set_title("both layers")
-    figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False)
+    legend_below(figure, {str(one.get_label()): one for one in handles}, 2)
     parts = [scans[i].split(sensor) for i in shown[:_MOST_SIGNATURES]]
     for number, (axes, layer) in enumerate(zip(panels, sensor.layers, strict=True)):
         for k, part in enumerate(parts):

@@ -35,7 +35,7 @@ from tacstrip.plot.scene import (
     zoom,
 )
 from tacstrip.plot.sensors import axes_with_sensor
-from tacstrip.plot.theme import TRUE, add_axes, legend_above, new_figure, new_panels
+from tacstrip.plot.theme import TRUE, add_axes, legend_above, legend_below, new_figure, new_panels
 from tacstrip.reconstruction.result import Reconstruction
 from tacstrip.scan import Scan
 from tacstrip.sensor.layers import AnySensor, LayeredSensor
@@ -46,7 +46,6 @@ _MOST_SCANS = 12  # more shapes than these overlap beyond reading
 _MOST_WITH_REGIONS = 3  # scans
 _OVERLAID = 3  # scans; more are frames of a film strip
 _ACROSS = 3  # frames
-_ENTRY_INCH = 1.9  # of a legend's entry
 _NEARLY_ALL = 0.5  # of the sensor: a closer view of so much shows nothing more
 _SEEN = 0.08  # of an outline's extent: smaller regions are drawn larger
 _SCALES = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
@@ -103,9 +102,8 @@ def result(
     some = _shown_truth(truth, len(results), shown)
     with_regions = len(shown) <= _MOST_WITH_REGIONS
     _draw_shapes(axes, sensor, objects, some, with_regions)
-    handles, labels = _explained(axes, objects, with_regions, len(shown) > 1)
-    if handles:
-        legend_above(axes, handles=handles, labels=labels)
+    if entries := _explained(axes, objects, with_regions, len(shown) > 1):
+        legend_above(axes, handles=list(entries.values()), labels=list(entries))
     if not objects:
         say_nothing(axes, "no strip is touched")
     if why := how_many_drawn(shown, touched, results):
@@ -172,11 +170,11 @@ def uncertainty(
     around = [regions(o.found.vertices, o.found.covariance) for o in objects]
     scale = _magnified(points, around) if magnify is None else magnify
     _draw_shapes(axes, sensor, objects, [] if truth is None else [truth], with_regions=True, magnify=scale)
-    handles, labels = _explained(axes, objects, True, False, scale)
     if len(points):
+        entries = _explained(axes, objects, True, False, scale)
         if isinstance(sensor, Sensor):
             zoom(axes, points, sensor)
-        legend_above(axes, handles=handles, labels=labels)
+        legend_above(axes, handles=list(entries.values()), labels=list(entries))
     else:
         say_nothing(axes, f"no shape: {result.status}")
     fill_sheet(axes, sensor if isinstance(sensor, Sensor) else None)
@@ -270,9 +268,7 @@ def reconstruction_figure(
     panels[-2].set_title("shapes")
     _draw_readings(panels[-1], sensor, scans)
     _name_faulty(panels[-1], sensor, scans, next(iter(results.values()), ()))
-    handles, labels = _explained(panels[0], objects, True, len(touched) > 1)
-    if handles:
-        figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
+    legend_below(figure, _explained(panels[0], objects, True, len(touched) > 1), 3)
     return figure
 
 
@@ -351,13 +347,9 @@ def _draw_frames(
         if order + grid[1] < len(shown):  # another frame lies below
             axes.set_xlabel("")
             axes.tick_params(labelbottom=False)
-        handles, labels = _explained(axes, scene, True, False)
-        entries |= dict(zip(labels, handles, strict=True))
+        entries |= _explained(axes, scene, True, False)
         frames.append(axes)
-    if entries:
-        across = max(int(figure.get_size_inches()[0] / _ENTRY_INCH), 1)
-        figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=min(across, 4),
-                      frameon=False)  # fmt: skip
+    legend_below(figure, entries)
     return tuple(frames)
 
 
@@ -467,8 +459,8 @@ def _number(axes: Axes, sensor: Sensor, objects: Iterable[LabelledObject]) -> No
 
 def _explained(
     axes: Axes, objects: Sequence[LabelledObject], with_regions: bool, several: bool, magnify: float = 1.0
-) -> tuple[list[Artist], list[str]]:
-    """Return what the legend of shapes explains, each entry once."""
+) -> dict[str, Artist]:
+    """Return what the legend of shapes explains: artists by their labels."""
     entries: dict[str, Artist] = {}
     for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
         entries.setdefault(str(label), handle)
@@ -485,7 +477,7 @@ def _explained(
         entries["hidden corner"] = Line2D([], [], color=TRUE, linestyle="--", marker="o", mfc="white")
     if several and objects:
         entries["numbers: scans"] = Patch(alpha=0.0)
-    return list(entries.values()), list(entries)
+    return entries
 
 
 def _regions(vertices: FloatArray, covariance: FloatArray | None, magnify: float) -> list[FloatArray]:

@@ -173,7 +173,7 @@ def draw_regions(axes: Axes, sensor: Sensor, found: Iterable[FloatArray], colour
         seen = shapely.intersection(shapely.convex_hull(shapely.MultiPoint(region)), surface)
         if seen.geom_type == "Polygon" and not seen.is_empty:
             face = to_rgba(colour, 0.08 if large else 0.25)
-            edge = "none" if large else colour
+            edge = "none" if large else to_rgba(colour, 0.5)  # paler than an outline: a thin one is no edge
             xy = shapely.get_coordinates(seen)
             axes.add_patch(Polygon(xy, facecolor=face, edgecolor=edge, linewidth=0.6, zorder=3))
 

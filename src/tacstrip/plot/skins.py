@@ -23,6 +23,7 @@ from tacstrip.plot.theme import (
     add_axes,
     axes_or_new,
     legend_above,
+    legend_below,
     new_figure,
 )
 from tacstrip.sensor.spec import Sensor
@@ -101,8 +102,8 @@ def film_figure(sensor: Sensor, times_s: Sequence[float], patches: Sequence[Patc
         _draw_flat(flat, sensor, skin_of(sensor), patches[i])
         if column > 1:
             flat.set_ylabel("")
-        drawn = flat.get_legend_handles_labels()
-    figure.legend(*drawn, loc="outside lower center", ncols=4, frameon=False)
+        handles, labels = flat.get_legend_handles_labels()
+    legend_below(figure, dict(zip(labels, handles, strict=True)))
     return figure
 
 

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import io
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -238,6 +239,18 @@ def legend_above(axes: Axes, columns: int = 2, **options: Any) -> None:
     scale = axes.yaxis.get_transform()  # a logarithmic axis too
     low, high = scale.transform(axes.get_ylim())
     axes.set_ylim(top=float(scale.inverted().transform(low + (high - low) / (1.0 - share))))
+
+
+def legend_below(figure: Figure, entries: Mapping[str, Artist], columns: int = 4) -> None:
+    """Add one legend for all of a figure below its axes, in as many columns as fit, `columns` at most."""
+    if not entries:
+        return
+    for ncols in range(columns, 0, -1):
+        look: dict[str, Any] = {"loc": "outside lower center", "ncols": ncols, "frameon": False}
+        made = figure.legend(list(entries.values()), list(entries), **look)
+        if made.get_window_extent().width <= figure.bbox.width or ncols == 1:
+            return
+        made.remove()
 
 
 def plain_ticks(axis: Axis) -> None:
