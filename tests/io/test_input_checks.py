@@ -38,6 +38,7 @@ def _exchanged(*scans: ts.Scan) -> str:
         (24, 0.5, 60.0, ""),
         (24, 0.004, 0.12, "mm, not m?"),
         (24, 4.0, 0.12, "shorter"),
+        (24, 4000.0, 120000.0, "not micrometres? All lengths in a spec are millimetres; if so, write pitch_mm = 4,"),
         (24, 0.4, 12.0, "not cm? All lengths in a spec are millimetres; if so, write pitch_mm = 4, length_mm = 120"),
         (20, 0.8, 9.0, "if so, write pitch_mm = 8, length_mm = 90"),
         (20, 0.5, 10.0, "if so, write pitch_mm = 5, length_mm = 100"),

@@ -28,6 +28,7 @@ from tacstrip.sensor.spec import Sensor
 
 _PITCH_MM = 0.1  # nobody cuts strips as fine
 _LENGTH_MM = 2.0  # nor as short
+_LONGEST_MM = 1e4  # nor as long, nor so many that they are as wide
 _MANY, _STUBBY = 8, 3.0  # strips, and pitches, below which so many strips are seldom long
 _TINY_MM = (
     10.0  # width of strips of such a pitch, half their length; the commonest sensor is ten centimetres wide
@@ -41,12 +42,14 @@ _NAMED = 5  # channels that a warning names
 
 
 def unlikely_lengths(sensor: AnySensor) -> str:
-    """Return a warning where a spec's lengths, or one of them, seem to be in metres or centimetres."""
+    """Return a warning where a spec's lengths, or one of them, seem to be in another unit."""
     if isinstance(sensor, LayeredSensor):
         return next(filter(None, (unlikely_lengths(layer.sensor) for layer in sensor.layers)), "")
     said = f"pitch_mm = {sensor.pitch_mm:.6g}, length_mm = {sensor.length_mm:.6g}: "
     if sensor.pitch_mm < _PITCH_MM:
         return f"{said}mm, not m? {_in_mm(sensor, 1000.0)}"
+    if max(sensor.length_mm, sensor.width_mm) > _LONGEST_MM:
+        return f"{said}mm, not micrometres? {_in_mm(sensor, 1e-3)}"
     if sensor.length_mm < max(_LENGTH_MM, sensor.pitch_mm):
         if_m = f"; if the length is in metres, write length_mm = {1000.0 * sensor.length_mm:.6g}"
         return (
