@@ -241,8 +241,8 @@ class Surface:
             polar = math.radians(self.tip_deg) + t / radius
             sin, cos = np.sin(polar), np.cos(polar)
             return radius * sin, radius * cos, cos, -sin
-        at = np.clip(np.searchsorted(self._arcs, t, side="right") - 1, 0, len(self._arcs) - 2)
-        (dr, dz), (r, z) = (np.moveaxis(v[at], -1, 0) for v in (self._tangents, self._pieces))
+        at = np.searchsorted(self._arcs[1:-1], t, side="right")
+        (dr, dz), (r, z) = self._tangents.T[:, at], self._pieces.T[:, at]
         after = t - self._arcs[at]
         return r + after * dr, z + after * dz, dr, dz
 
@@ -347,7 +347,7 @@ class Surface:
             return np.asarray(
                 np.log(np.tan(0.5 * (math.radians(self.tip_deg) + t / float(self.radius_mm or 1.0))))
             )
-        at = np.clip(np.searchsorted(self._arcs, t, side="right") - 1, 0, len(self._arcs) - 2)
+        at = np.searchsorted(self._arcs[1:-1], t, side="right")
         own = _over_radius(t - self._arcs[at], self._pieces[at, 0], self._tangents[at, 0])
         return np.asarray(self._integrals[at] + own)
 

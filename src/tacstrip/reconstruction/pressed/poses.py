@@ -15,7 +15,7 @@ from typing import Self, TypeAlias
 
 import numpy as np
 
-from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.contact.noise import Noise
 from tacstrip.contact.press.patch import samples
 from tacstrip.contact.press.solid import Solid
@@ -191,14 +191,15 @@ class Poses:
 
     def _residuals(self, values: FloatArray, touch_mm: float, smooth: bool) -> FloatArray:
         touch, here = self._touch(values), ~np.isnan(self.k)
-        ends, deepest, y_top = self._ends(touch, touch_mm)
-        k = self._readings(ends, here)
+        read = np.flatnonzero(here.any(axis=0))
+        ends, deepest, y_top = self._ends(touch, touch_mm, read)
+        k = self._readings(ends, read)
         if smooth:
             spread = np.repeat(
                 (_LINE_MM / np.maximum(deepest, 0.2 * _LINE_MM))[:, None], len(self.k), axis=1
             )[:, here]
         else:  # strips are no lines
-            beside = self._readings(self._aside(touch, ends, deepest, y_top), here)
+            beside = self._readings(self._aside(touch, ends, deepest, y_top, read), read)
             spread = np.nan_to_num(beside - k) / self.sigma
         off, looser = self.k[here] - k, 1.0 + np.square(spread)
         left = (np.nan_to_num(off, nan=1.0) / np.sqrt(looser)) @ self.white.T
@@ -206,10 +207,12 @@ class Poses:
         lost = np.where(self.touched | self.silent, _misfit(sign * deepest / touch_mm), 0.0)
         return np.concatenate([left, lost, np.sqrt(np.log(looser)), self._hardly(values)], axis=1)
 
-    def _readings(self, ends: FloatArray, here: BoolArray) -> FloatArray:
-        """Return what is read (M, R) of ends (M, strips, 2) [mm]."""
-        read = signatures(self.sensor, ends[..., 0], ends[..., 1])
-        return np.stack([read[name] for name in self.read], axis=1)[:, here]
+    def _readings(self, ends: FloatArray, strips: IntArray) -> FloatArray:
+        """Return what is read (M, R) of ends (M, E, 2) [mm] on strips (E,)."""
+        l, u = np.full((2, len(ends), self.k.shape[1]), np.nan)
+        l[:, strips], u[:, strips] = ends[..., 0], ends[..., 1]
+        read = signatures(self.sensor, l, u)
+        return np.stack([read[name] for name in self.read], axis=1)[:, ~np.isnan(self.k)]
 
     def _hardly(self, values: FloatArray) -> FloatArray:
         """Return residuals of what is known beforehand: hardly anything, but how thick the skin is."""
@@ -278,17 +281,18 @@ class Poses:
 
     def ends(self, values: FloatArray, touch_mm: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return l and u (M, strips) [mm] of parameters (M, P), and how deep the object is on each strip at most."""
-        ends, deepest, _ = self._ends(self._touch(values), touch_mm)
+        ends, deepest, _ = self._ends(self._touch(values), touch_mm, np.arange(self.skin.strips))
         return ends[..., 0], ends[..., 1], deepest
 
-    def _ends(self, touch: _Touch, touch_mm: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return ends (M, strips, 2) [mm], how deep objects are on each strip at most (M, strips), and at which y.
+    def _ends(
+        self, touch: _Touch, touch_mm: float, strips: IntArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return ends on strips (M, E, 2) [mm], how deep objects are on every one at most (M, n), and there y (M, E).
 
         Of a strip that is not touched, or less deep than a tenth of `touch_mm`, ends are those of what lies so much
         higher at most, so that they move as the object does.
         """
         strip, y, points, normals = samples(self.skin, _SAMPLES)
-        touch_at = partial(self._touch_at, touch, strip[:, None])
         g = touch(points[None], lambda: normals[None])  # (M, n, S)
         last, rows = _SAMPLES - 1, np.arange(len(strip))
         step = y[:, 1] - y[:, 0]
@@ -297,10 +301,13 @@ class Poses:
         with np.errstate(divide="ignore", invalid="ignore"):  # the top of a parabola through three samples
             top = np.clip(np.nan_to_num(0.5 * (a - c) / (a - 2.0 * b + c)), -1.0, 1.0)
         y_top = y[rows, at_top] + top * step
-        g_top = touch_at(y_top[..., None])[..., 0]
+        g_top = self._touch_at(touch, strip[:, None], y_top[..., None])[..., 0]
         highest = g.max(axis=2)
         y_top = np.where(g_top >= highest, y_top, y[rows, g.argmax(axis=2)])
-        deepest = np.maximum(highest, g_top)
+        every = np.maximum(highest, g_top)
+        g, y, y_top, highest, deepest = (v[:, strips] for v in (g, y[None], y_top, highest, every))
+        (y,), step, rows = y, step[strips], np.arange(len(strips))
+        touch_at = partial(self._touch_at, touch, strip[strips, None])
         level = np.minimum(deepest - 0.1 * touch_mm, 0.0)
         on = g > level[..., None]
         any_on = on.any(axis=2)
@@ -328,19 +335,21 @@ class Poses:
             again = np.where(side == was, 0.5, 1.0)
             inner, outer, was = np.where(inside, now, inner), np.where(inside, outer, now), side
             high, low = np.where(inside, here, again * high), np.where(inside, again * low, here)
-        return np.where(beyond, border, now), deepest, y_top
+        return np.where(beyond, border, now), every, y_top
 
     def _touch_at(self, touch: _Touch, strip: FloatArray, y: FloatArray) -> FloatArray:
         """Return touch at strip coordinates and y (M, n, S)."""
         place = self.skin.places(strip, y)
         return touch(self.skin.points(*place), lambda: self.skin.normals(*place))
 
-    def _aside(self, touch: _Touch, ends: FloatArray, deepest: FloatArray, y_top: FloatArray) -> FloatArray:
-        """Return other ends (M, strips, 2) [mm] than centre lines', as far off as those of strips of a width may be.
+    def _aside(
+        self, touch: _Touch, ends: FloatArray, deepest: FloatArray, y_top: FloatArray, strips: IntArray
+    ) -> FloatArray:
+        """Return other ends (M, E, 2) [mm] than centre lines', as far off as those of strips of a width may be.
 
         A strip is no line: of one that is touched on one side, or at its border, places in touch lie beside its middle.
         """
-        strip = np.arange(self.skin.strips, dtype=float)[:, None]
+        strip, lengths_mm = strips[:, None].astype(float), self.skin.lengths_mm[strips]
         y = np.concatenate([ends, y_top[..., None]], axis=2)
         here, beside = (self._touch_at(touch, strip + step, y) for step in (0.0, _SHORT_MM))
         on = self._touch_at(touch, strip, ends + _SHORT_MM)
@@ -348,19 +357,19 @@ class Poses:
         across = (beside - here) / np.linalg.norm(np.subtract(*side), axis=-1)
         along, half = (on - here[..., :2]) / _SHORT_MM, 0.5 * _WIDTH_MM
         # From the centre line to where the strip is no longer touched; by how much ends at its sides differ from there.
-        free = np.clip(deepest / np.maximum(np.abs(across[..., 2]), 1e-9), -half, half)[..., None]
+        free = np.clip(deepest[:, strips] / np.maximum(np.abs(across[..., 2]), 1e-9), -half, half)[..., None]
         with np.errstate(divide="ignore", invalid="ignore"):
             slope = np.nan_to_num(np.abs(across[..., :2] / along))
             beyond = np.nan_to_num(np.abs(here[..., :2] / along))
         most = np.maximum(ends[..., 1] - ends[..., 0], _WIDTH_MM)[..., None]
-        border = np.stack([ends[..., 0], self.skin.lengths_mm - ends[..., 1]], axis=-1)
+        border = np.stack([ends[..., 0], lengths_mm - ends[..., 1]], axis=-1)
         aside = np.minimum(slope * half, most)
         cut = np.square(np.maximum(aside - np.where(border > 0.0, border, beyond), 0.0)) / (
             4.0 * aside + 1e-9
         )
         part = np.where(border > 0.0, 0.5 * aside * (1.0 - free / half), 0.0)
         outward = np.array([-1.0, 1.0])
-        return np.asarray(np.clip(ends + (part - cut) * outward, 0.0, self.skin.lengths_mm[:, None]))
+        return np.asarray(np.clip(ends + (part - cut) * outward, 0.0, lengths_mm[:, None]))
 
 
 def _bent(
