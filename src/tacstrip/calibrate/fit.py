@@ -342,7 +342,7 @@ def _evidence(
     square += (system.prior**2).sum() + (errors**2).sum()
     noise = np.log(np.diagonal(here.white, axis1=2, axis2=3)[usable]).sum()
     known = -sum(np.log(PARTS[name].prior) for name in c.model.shared)
-    for name in c.model.own(c.signatures):
+    for name in c.names:
         part = name.split()[0]
         known -= 0.0 if part in here.pooled else usable.any(axis=0).sum() * np.log(PARTS[part].prior)
     for part, spread in here.pooled.items():

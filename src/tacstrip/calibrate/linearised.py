@@ -40,7 +40,7 @@ def jacobian(sensor: Sensor, constants: Constants, l_mm: FloatArray, w_mm: Float
     shared, own = constants.shared, constants.own
     moves = [replace(constants, shared=shared + step) for step in _STEP * np.eye(len(shared))]
     moves += [replace(constants, own=own + step) for step in _STEP * np.eye(own.shape[1])]
-    names = (*constants.model.shared, *constants.model.own(constants.signatures))
+    names = (*constants.model.shared, *constants.names)
     readings = strip_readings(constants, sensor, l_mm, w_mm)
     raw = [through_channels(constants, readings)]
     for name, c in zip(names, moves, strict=True):
@@ -103,7 +103,7 @@ class Linear:
     def prior_rows(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the rows of pooled parts by own (rows, own) and shared parameters, and their values (strips, rows)."""
         c = self.constants
-        names, shared = c.model.own(c.signatures), c.model.shared
+        names, shared = c.names, c.model.shared
         own_rows, shared_rows = [np.zeros((0, len(names)))], [np.zeros((0, len(shared)))]
         for part, spread in self.pooled.items():
             root = pooled_precision(c.model, part) / spread
@@ -200,7 +200,7 @@ class Eliminated:
 
     def spread(self, part: str, constants: Constants, old: float) -> float:
         """Return the spread of a pooled part over the strips: squares over how many of them the readings determine."""
-        names = constants.model.own(constants.signatures)
+        names = constants.names
         at = [i for i, name in enumerate(names) if name.split()[0] == part]
         root = pooled_precision(constants.model, part)
         centre = constants.value("ratio") if part == "ratios" else 0.0

@@ -140,8 +140,12 @@ class Constants:
         """Return a parameter, shared or (strips,); 0 where the model does not have it."""
         if name in self.model.shared:
             return self.shared[self.model.shared.index(name)]
-        names = self.model.own(self.signatures)
-        return self.own[:, names.index(name)] if name in names else 0.0
+        return self.own[:, self.names.index(name)] if name in self.names else 0.0
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters that each strip has of its own."""
+        return self.model.own(self.signatures)
 
     @property
     def size(self) -> int:
@@ -151,7 +155,7 @@ class Constants:
     def knots(self, name: str, numbers: range) -> FloatArray:
         """Return the knots' values (strips, knots) of a warp or a curve, ends of a warp included."""
         straight = np.broadcast_to(self.model.knots, (len(self.own), self.model.pieces + 1)).copy()
-        first = self.model.own(self.signatures).index(f"{name} {numbers[0]}")
+        first = self.names.index(f"{name} {numbers[0]}")
         straight[:, numbers[0] : numbers[-1] + 1] += self.own[:, first : first + len(numbers)]
         return straight
 
@@ -255,7 +259,8 @@ def strip_readings(
         touching = replace(sensor, contact_lambda_mm=float(lam), calibration=None)
         low, high = (v / length for v in electrical_ends(touching, l_mm, l_mm + w_mm)[:2])
     if model.has("warp") or model.has("ends"):
-        low, high = (piecewise_map(v, constants.warp_at, constants.warp) for v in (low, high))
+        start, end = constants.warp_at, constants.warp
+        low, high = (piecewise_map(v, start, end) for v in (low, high))
     found = {
         name: (k_h if name == "kh" else k_l)(low, high - low, 1.0, ratio) for name in constants.signatures
     }

@@ -205,7 +205,7 @@ def _correction_jacobian(one: Sensor, constants: Constants, places: FloatArray) 
     length = one.length_mm
     k = places[:, 0] / (length - places[:, 1])
     alike = [np.stack([k * (1.0 - w), np.full_like(k, w)], axis=1) * length for w in TYPICAL_LENGTHS]
-    names = (*constants.model.shared, *constants.model.own(constants.signatures))
+    names = (*constants.model.shared, *constants.names)
     warp = np.array([name.startswith("warp") for name in names])
     return np.where(warp, np.mean([_reading_jacobian(one, constants, p) for p in alike], axis=0), by)
 
