@@ -147,9 +147,9 @@ def test_ngspice_agrees_on_strips_over_a_resistive_sheet(tmp_path: Path, wiring:
     )
     contact = ts.Contact.polygon([(3, 12), (26, 20), (20, 50), (6, 40)])
     l, u = ts.footprint(sensor, contact)
-    kh, kl = crp_spans.own_electrodes(sensor, l, u, 30, wiring)
+    kh, kl = crp_spans.own_electrodes(sensor, l, u, 18, wiring)
     touched = np.flatnonzero(~np.isnan(l))
-    asked = sheet_measurements(crp_spans.factored_span(sensor, l, u, 30, wiring).resistors, wiring)
+    asked = sheet_measurements(crp_spans.factored_span(sensor, l, u, 18, wiring).resistors, wiring)
     printed = _run(tmp_path, deck("crs-crp", {str(s): m for s, m in asked.items()}, sensor.vref_volt))
     assert len(printed) == 2 * len(touched) > 6
     for name, values in (("vh", kh), ("vl", kl)):
