@@ -68,7 +68,7 @@ def test_errors_are_at_the_bound_and_the_covariance_holds(name: str) -> None:
 def test_regions_hold_where_soft_edges_err_alike_on_neighbouring_strips() -> None:
     """Errors of .7 mm that fall to 1/e over 16 mm, ten strips; the correlation is told."""
     random, rho, inside, overlap = np.random.default_rng(5), math.exp(-10.0 / 16.0), [], []
-    for i in range(60):
+    for i in range(24):
         name = list(SHAPES)[i % 4]
         angle, x, y = random.uniform(-3.0, 3.0), *random.uniform(42.0, 58.0, 2)
         truth = pressed(name, angle, x, y)
@@ -88,7 +88,7 @@ def test_regions_hold_where_soft_edges_err_alike_on_neighbouring_strips() -> Non
         chi_square = [e @ np.linalg.pinv(p.covariance) @ e for e, p in zip(off, poses, strict=True)]
         inside.append(min(chi_square) < 7.815)
         overlap.append(iou(o.vertices, truth.vertices))
-    assert np.mean(inside) > 0.9  # .83 with each end by itself
+    assert np.mean(inside) > 0.9  # .875 with each end by itself
     assert np.median(overlap) > 0.95
 
 
@@ -241,10 +241,10 @@ def test_another_object_is_not_taken_for_one_in_unknown_noise() -> None:
 
 
 def test_noise_that_strips_share_is_in_the_pose_s_covariance() -> None:
-    """95 % regions of y hold the truth of 16 presses; counted as if independent, they would hold a third."""
+    """95 % regions of y hold the truth of 8 presses; counted as if independent, they would hold a third."""
     noise, held, plain = ts.Noise(positional=0.001, offset=0.004), 0, 0
     spec = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=10.0, length_mm=100.0, noise=noise)
-    for seed in range(16):
+    for seed in range(8):
         scan = ts.simulate(spec, pressed("five", 0.4), noise, rng=seed)
         found = ts.fit_object(scan, spec, SHAPES["five"]).objects[0]
         alone = ts.fit_object(scan, spec, SHAPES["five"], ts.Noise(positional=0.001)).objects[0]
@@ -252,8 +252,8 @@ def test_noise_that_strips_share_is_in_the_pose_s_covariance() -> None:
         assert alone.pose is not None
         held += abs(found.pose.y_mm - 47.0) <= 1.96 * math.sqrt(found.pose.covariance[1, 1])
         plain += abs(alone.pose.y_mm - 47.0) <= 1.96 * math.sqrt(alone.pose.covariance[1, 1])
-    assert held >= 14
-    assert plain < 9
+    assert held >= 7
+    assert plain < 5
 
 
 def test_the_orientation_of_a_rigid_object_is_as_sure_as_its_angle() -> None:
