@@ -74,7 +74,8 @@ class Decoder:
         self.counts = Counts()
 
     def _count(self, **more: int) -> None:
-        self.counts = Counts(*(n + more.get(name, 0) for name, n in self.counts._asdict().items()))
+        known = self.counts
+        self.counts = known._replace(**{name: getattr(known, name) + n for name, n in more.items()})
 
     def feed(self, data: bytes) -> list[Received]:
         """Return the scans, in batches, and messages of the frames that these bytes complete, in order.
