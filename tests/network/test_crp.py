@@ -252,13 +252,13 @@ def test_strip_by_strip_fails() -> None:
     """Each strip alone on the sheet, neighbours ignored: wrong by far more than noise would explain."""
     sensor = a_sensor()
     l, u = span(sensor)
-    kh, kl = crp_spans.own_electrodes(sensor, l, u, 50)
+    kh, kl = crp_spans.own_electrodes(sensor, l, u, 25)
     alone = np.full(20, np.nan)
     for i in np.flatnonzero(np.isfinite(kh)):
         only = np.where(np.arange(20) == i, 0.0, np.nan)
-        found = crp.invert(sensor, kh + only, kl + only, rows=50)
+        found = crp.invert(sensor, kh + only, kl + only, rows=25)
         alone[i] = error(sensor, found, l + only, u + only)[i]
-    together = error(sensor, crp.invert(sensor, kh, kl, rows=50), l, u)
+    together = error(sensor, crp.invert(sensor, kh, kl, rows=25), l, u)
     assert np.nanmax(together) < 1e-9
     assert np.nanmedian(alone) > 0.1
     assert np.nanmax(alone) > 0.15
@@ -331,12 +331,12 @@ def test_all_electrodes_of_a_wide_contact_reach_half_a_permille() -> None:
 def test_convexity_helps() -> None:
     sensor, random = a_sensor(contact_lambda_mm=4.0), np.random.default_rng(3)
     l, u = span(sensor, "slanted band")
-    clean = np.stack(crp_spans.own_electrodes(sensor, l, u, 50))
+    clean = np.stack(crp_spans.own_electrodes(sensor, l, u, 25))
     total = {False: 0.0, True: 0.0}
     for _ in range(6):
         kh, kl = clean + 1e-3 * random.normal(size=clean.shape)
         for convex in total:
-            found = crp.invert(sensor, kh, kl, convex=convex, rows=50)
+            found = crp.invert(sensor, kh, kl, convex=convex, rows=25)
             total[convex] += float(np.nansum(error(sensor, found, l, u) ** 2))
             if convex:
                 on = np.isfinite(l)

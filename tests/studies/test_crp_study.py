@@ -37,7 +37,7 @@ def test_a_map_of_one_position_is_that_contact_s_bound() -> None:
 
 
 def test_all_electrodes_know_every_end_better_and_the_middle_worst() -> None:
-    own, every = (error_map(e, places=5, rows=50) for e in ("own", "all"))
+    own, every = (error_map(e, places=5, rows=25) for e in ("own", "all"))
     for end in ("l", "u"):
         assert np.all(getattr(every, end) < getattr(own, end))
     assert own.l[:, 2].min() > own.l[:, 0].max()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import pytest
@@ -10,7 +11,8 @@ from studies.phantoms import figure_phantoms, phantoms_over_fill
 from tacstrip.plot.theme import save
 
 
-def test_the_figure_has_named_axes(tmp_path: Any) -> None:
+def test_the_figure_has_named_axes(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("studies.phantoms.phantoms_over_fill", partial(phantoms_over_fill, patterns=2))
     figure = figure_phantoms()
     assert save(figure, tmp_path / "figure.png").stat().st_size > 8_000
     assert all(axes.get_xlabel() and axes.get_ylabel() for axes in figure.axes)

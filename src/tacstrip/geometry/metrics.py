@@ -312,10 +312,11 @@ def pairwise_column_iou(ends: FloatArray) -> FloatArray:
 
     Row by row and each pair once: what is at hand stays in the cache, four times as fast as all of it at once.
     """
-    l, u = ends[:, 0], ends[:, 1]
+    l, u = np.ascontiguousarray(ends.swapaxes(0, 1))
     both = np.empty((len(ends), len(ends)))
     for i in range(len(ends)):
-        over = np.minimum(u[i], u[i:]) - np.maximum(l[i], l[i:])
-        both[i, i:] = both[i:, i] = np.maximum(over, 0.0).sum(axis=-1)
+        over = np.minimum(u[i], u[i:])
+        over -= np.maximum(l[i], l[i:])
+        both[i, i:] = both[i:, i] = np.maximum(over, 0.0, out=over).sum(axis=-1)
     width = (u - l).sum(axis=-1)
     return np.asarray(both / np.maximum(width[:, None] + width - both, 1e-12))
