@@ -136,9 +136,12 @@ def signature_advice(sensor: Sensor) -> str:
 
 
 def signature_jacobians(
-    sensor: Sensor, l_mm: FloatArray, u_mm: FloatArray
+    sensor: Sensor, l_mm: FloatArray, u_mm: FloatArray, read: dict[str, FloatArray] | None = None
 ) -> dict[str, tuple[FloatArray, FloatArray]]:
-    """Return dk/dl and dk/du [1/mm] of every signature, name to two arrays of the shape of l and u."""
+    """Return dk/dl and dk/du [1/mm] of every signature, name to two arrays of the shape of l and u.
+
+    `read`: the signatures of these ends, where the caller has them.
+    """
     low, high, lam = electrical_ends(sensor, l_mm, u_mm)
     found = {
         name: reading_jacobian(
@@ -149,7 +152,7 @@ def signature_jacobians(
             sensor.sensing_ratio,
             lam,
         )
-        for name, k in signatures(sensor, l_mm, u_mm).items()
+        for name, k in (signatures(sensor, l_mm, u_mm) if read is None else read).items()
     }
     if sensor.surface is None:
         return found

@@ -80,7 +80,7 @@ class PoseFit:
         lines = across(self.sensor, self.x_mm) if self.wide else self.x_mm[:, None]
         every = lines.ravel()
         ax, ay = posed[..., 0, None], posed[..., 1, None]  # (B, N, 1)
-        bx, by = np.roll(ax, -1, axis=1), np.roll(ay, -1, axis=1)
+        bx, by = (np.concatenate([v[:, 1:], v[:, :1]], axis=1) for v in (ax, ay))
         low, high = ax.min(axis=1), ax.max(axis=1)
         slack = 1e-9 * (high - low)
         x = np.clip(every, low + slack, high - slack)  # (B, lines): beside the outline its end corner is read
@@ -89,14 +89,14 @@ class PoseFit:
         run = np.where(np.abs(bx - ax) < 1e-12, 1e-12, bx - ax)
         share = (x[:, None] - ax) / run  # (B, N, lines)
         crossed = (share >= 0.0) & (share <= 1.0)
-        y = ay + share * (by - ay)
+        y, steep = ay + share * (by - ay), ((by - ay) / run)[..., 0]
+        pose, line = np.arange(len(poses))[:, None], np.arange(len(every))
         found: list[FloatArray] = []
         slopes: list[FloatArray] = []
         for sign in (1.0, -1.0):
-            edge = np.where(crossed, sign * y, np.inf).argmin(axis=1)[:, None]
-            at = np.take_along_axis(y, edge, axis=1)[:, 0]
-            slope = np.take_along_axis((by - ay) / run, edge, axis=1)[:, 0]
-            slope = np.where(x == every, slope, 0.0)
+            edge = np.where(crossed, sign * y, np.inf).argmin(axis=1)
+            at = y[pose, edge, line]
+            slope = np.where(x == every, steep[pose, edge], 0.0)
             out = np.hypot(1.0, slope)
             growth = sign * poses[:, 3:] * out
             turned = x - poses[:, :1] + slope * (at - poses[:, 1:2] - growth)
@@ -125,7 +125,8 @@ class PoseFit:
         """Return residuals over their sigma (B, M) and the model's slopes by the pose (B, M, 4)."""
         l, u, l_slope, u_slope, posed = self.ends(poses)
         with np.errstate(invalid="ignore", divide="ignore"):
-            read, jacobians = signatures(self.sensor, l, u), signature_jacobians(self.sensor, l, u)
+            read = signatures(self.sensor, l, u)
+            jacobians = signature_jacobians(self.sensor, l, u, read)
         residuals, slopes = [], []
         for row, name in enumerate(self.names):
             by_l, by_u = jacobians[name]
@@ -133,8 +134,8 @@ class PoseFit:
             with np.errstate(invalid="ignore"):
                 off = np.where(weight > 0.0, self.k[row] - read[name], 0.0)
                 slope = by_l[..., None] * l_slope + by_u[..., None] * u_slope
-            residuals.append(np.nan_to_num(off * weight, nan=1e3))
-            slopes.append(np.nan_to_num(slope * weight[:, None]))
+            residuals.append(_finite(off * weight, 1e3))
+            slopes.append(_finite(slope * weight[:, None]))
         for end, gap in enumerate(self.gaps):
             if gap < math.inf:
                 off, slope = self._end(posed, poses, end)
@@ -165,7 +166,7 @@ class PoseFit:
         sign = 1.0 if end else -1.0
         gap = self.gaps[end]
         corner = (sign * posed[..., 0]).argmax(axis=1)
-        x, y = np.take_along_axis(posed, corner[:, None, None], axis=1)[:, 0].T
+        x, y = posed[np.arange(len(posed)), corner].T
         beyond = 0.5 * gap - self._half_width
         expected = self.sensor.x_mm[self.run.stop - 1 if end else self.run.start] + sign * beyond
         weight = math.sqrt(12.0 / (gap**2 + 12.0 * self.edge_mm**2))
@@ -255,6 +256,10 @@ class PoseFit:
             added = [(of[n][0] ** 2 + of[n][1] ** 2) * self.edge_mm**2 for n in self.names]
             variance = variance + np.nan_to_num(np.stack(added))
         return replace(self, weight=np.where(self.weight > 0.0, 1.0 / np.sqrt(variance), 0.0))
+
+
+def _finite(values: FloatArray, nan: float = 0.0) -> FloatArray:
+    return values if np.isfinite(values).all() else np.nan_to_num(values, nan=nan)
 
 
 def readings_left(fit: PoseFit, pose: FloatArray) -> FloatArray:
