@@ -327,8 +327,8 @@ class Poses:
         now = outer
         for _ in range(_ROOTS):  # regula falsi, by Illinois
             with np.errstate(divide="ignore", invalid="ignore"):
-                share = np.nan_to_num(high / (high - low), nan=0.5)
-            now = inner + np.clip(share, 0.0, 1.0) * (outer - inner)
+                share = high / (high - low)
+            now = inner + np.clip(np.where(np.isnan(share), 0.5, share), 0.0, 1.0) * (outer - inner)
             here = touch_at(now) - level[..., None]
             inside = here > 0.0
             side = np.where(inside, 1.0, -1.0)
