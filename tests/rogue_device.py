@@ -35,16 +35,19 @@ def frame(
     """A frame between its zeros; with `empty_block` after a full last one, as some encoders write it."""
     plain = struct.pack("<BBII", version, kind, number % 2**32, time_us % 2**32) + body
     plain += struct.pack(">H", crc(plain))
-    out, full = bytearray(), False
-    for rest in plain.split(b"\0"):
-        if full:  # a zero follows a full block after all
-            out.append(1)
-        while len(rest) > 254:
-            out += b"\xff" + rest[:254]
-            rest = rest[254:]
-        out += bytes([len(rest) + 1]) + rest
-        full = len(rest) == 254
-    return b"\0" + bytes(out) + b"\x01" * (full and empty_block) + b"\0"
+    out, block = bytearray(), bytearray()
+    full = False
+    for byte in plain:
+        full = False
+        if byte:
+            block.append(byte)
+        if not byte or len(block) == 254:
+            out += bytes([len(block) + 1]) + block
+            full = bool(byte)
+            block.clear()
+    if not full or empty_block:
+        out += bytes([len(block) + 1]) + block
+    return b"\0" + bytes(out) + b"\0"
 
 
 class Rogue:

@@ -74,8 +74,7 @@ class Decoder:
         self.counts = Counts()
 
     def _count(self, **more: int) -> None:
-        known = self.counts
-        self.counts = known._replace(**{name: getattr(known, name) + n for name, n in more.items()})
+        self.counts = Counts(*(n + more.get(name, 0) for name, n in self.counts._asdict().items()))
 
     def feed(self, data: bytes) -> list[Received]:
         """Return the scans, in batches, and messages of the frames that these bytes complete, in order.
