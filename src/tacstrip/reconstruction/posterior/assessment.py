@@ -63,6 +63,7 @@ _ODDS: dict[str, dict[str, tuple[float, ...]]] = {
         _ELLIPSE: (-8.863, 2.089, 1.232, -3.0, -1.293),
     },
 }
+_AS_WELL = 0.03  # of the expected IoU
 _PLAIN, _MANY = 5, 7  # corners that are no doubt, and how many more of them count
 _LEAST = 0.02  # expected IoU that none counts as
 _MISFITS = (0.5, 300.0)  # of the best rounded outline, beyond which it tells no more
@@ -121,6 +122,7 @@ def assess(
     area_mm2: tuple[float, float] | None = None,
     known_count: int | None = None,
     faults: int = 0,
+    misses: bool = False,
 ) -> Assessment:
     """Compare an estimate with outlines drawn from the posterior.
 
@@ -140,6 +142,8 @@ def assess(
         Its vertices, where that is known.
     faults
         Readings left out that are surely of faulty channels.
+    misses
+        Whether both signatures tell a convex contact that the estimate does not follow: it is given up for a draw.
     """
     if effort == "none":
         return Assessment()
@@ -165,19 +169,25 @@ def assess(
             draw_rounded(drawn.problem, drawn.window, drawn.x, ends),
             draw_regular(drawn.problem, drawn.window, drawn.x, least),
         )
-    if one:
+    if one or misses:
         fitting = drawn.fitting(known_count)
         short = known_count is not None and len(outline.vertices) != known_count
-        told = area_mm2 is not None or short  # what the fit does not know, or does not keep to
+        told = area_mm2 is not None or short or misses  # what the fit does not know, or does not keep to
         if (confidence < _RATHER_WRONG or told) and fitting.any():
             # The outline that overlaps the others best; the mean of them would be none that the readings allow.
-            at = int(np.argmax(np.where(fitting, every @ drawn.weight, 0.0)))
+            among = np.where(fitting, every @ drawn.weight, 0.0)
+            if misses:  # many overlap nearly as well: take no corners that no reading asks for
+                counts = vertex_counts(drawn.samples.outlines)
+                few = counts == counts[among >= among.max() - _AS_WELL].min()
+                among = np.where(few, among, 0.0)
+            at = int(np.argmax(among))
             near = every[at] >= PROMISED_IOU
             surer = 0.0 if told else _BETTER
-            if short or near @ drawn.weight > confidence + surer:
+            if short or misses or near @ drawn.weight > confidence + surer:
                 own, confidence, better = near, float(near @ drawn.weight), drawn.model(at, run.problem)
                 outline = Outline(*better.chains_mm(run.problem))
                 ends = drawn.ends_of(outline.lower, outline.upper)
+    if one:
         corners = float(len(outline.vertices))
         if rivals is not None:  # long chains: their counts tell more
             corners = float(vertex_counts(drawn.samples.outlines).mean())
