@@ -129,9 +129,12 @@ def misfit(
 
 def _more(run: RunFit) -> str:
     """Say that there may be more corners, where the readings are too few to have tried some more."""
-    if run.selection is None or run.selection.chosen.n_interior + PAST <= most_vertices(run.problem):
-        return ""
-    return f"have more corners than {run.problem.readings} readings can tell, "
+    return f"have more corners than {run.problem.readings} readings can tell, " if hides_corners(run) else ""
+
+
+def hides_corners(run: RunFit) -> bool:
+    """Whether the readings are too few to have tried some more corners."""
+    return run.selection is not None and run.selection.chosen.n_interior + PAST > most_vertices(run.problem)
 
 
 def one_convex(
@@ -143,16 +146,18 @@ def one_convex(
 ) -> OneConvex | None:
     """Return the convex object that explains all readings, or all but one of a faulty channel; else None.
 
-    One that the outline is like comes first. Arguments as of `second_look`.
+    One that the outline is like comes first; others count where no outline of more corners was tried, for the readings
+    are too few. Arguments as of `second_look`.
     """
     whole = explained_by_convex(run, distribution, outline, sensor, readings, np.zeros_like(run.excluded))
     if whole is not None and whole.like(outline, sensor):
         return whole
+    whole = whole if hides_corners(run) else None
     faulty = contradictory(run, sensor, readings)
     if np.count_nonzero(faulty) != 1 or one_end_off(replace(run, excluded=faulty), sensor, readings):
         return whole
     others = explained_by_convex(run, distribution, outline, sensor, readings, faulty)
-    return others if others is not None and (whole is None or others.like(outline, sensor)) else whole
+    return others if others is not None and others.like(outline, sensor) else whole
 
 
 def second_look(

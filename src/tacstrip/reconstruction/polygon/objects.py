@@ -42,6 +42,7 @@ from tacstrip.reconstruction.posterior.assessment import (
     ENOUGH_OF_FEW,
     ENOUGH_OF_ONE,
     ENOUGH_STRIPS,
+    HELD_STRIPS,
     PROMISED_IOU,
     Assessment,
     Effort,
@@ -67,9 +68,9 @@ _NEVER = (
     2.0  # confidence that is enough: of few strips with one signature 1 in 10 is wrong even of the surest
 )
 _NAMED = 5  # strips that advice names
-# Probability of two objects on so few strips, where convex ends explain them and no polygon that they determine does:
-# fits of drawn contacts, of which one object is four times as frequent as two.
-_TWO_OF_FEW = {3: 0.2, 4: 0.08}
+# Probability of two objects where convex ends explain the readings of few strips, and no polygon of as many corners as
+# these hold does: among drawn contacts, of which one object is four times as frequent as two.
+_TWO_OF_FEW = 0.2
 # Probability of two objects: that the outline overlaps less than "ok" promises, and is doubted; less is not told.
 _OTHER, _NOTED = 0.14, 0.05
 _FAINT = "no corner could be distinguished from noise: a line fits as well as the triangle that is given; {}"
@@ -184,8 +185,8 @@ def reconstruct_object(
     )  # fmt: skip
     two, assessed = 0.0, None
     if convex is not None:
-        likely = _TWO_OF_FEW.get(run.problem.x.size, 0.0)
-        two = likely if noise is None and run.sigma >= MOST_SIGMA else 0.0
+        noisy = noise is None and run.sigma >= MOST_SIGMA
+        two = _TWO_OF_FEW if noisy and run.problem.x.size < HELD_STRIPS else 0.0
         if not convex.like(given.outline, sensor):
             # Few readings tell few corners: these do not follow what they say together, outlines of more that are drawn
             # do.
@@ -193,7 +194,7 @@ def reconstruct_object(
             drawn = assessing(convex.run, outline=given.outline, covariance=given.covariance, misses=True)
             other = None if drawn.better is None else _Estimate.of(whole, sensor, scan, noise, drawn.better)
             if other is not None and convex.like(other.outline, sensor):
-                run, contact, given, assessed, two = convex.run, whole, other, drawn, likely
+                run, contact, given, assessed, two = convex.run, whole, other, drawn, _TWO_OF_FEW
             else:
                 convex, two = None, 0.0
     wrong, pair = second_look(run, distribution, given.outline, sensor, wrong, contact.readings, convex)

@@ -36,7 +36,7 @@ ENOUGH_OF_FEW = 0.85  # with both signatures on fewer than `ENOUGH_STRIPS`: many
 ENOUGH_OF_ONE: Mapping[Effort, float] = {"thorough": 0.72, "fast": 0.52}
 _EVALUATIONS = {"thorough": 240_000, "fast": 14_000}
 # Both signatures on fewer strips leave outlines of more corners open, which so few draws would miss.
-_HELD_STRIPS, _EVALUATIONS_OF_FEW = 5, 56_000
+HELD_STRIPS, _EVALUATIONS_OF_FEW = 5, 56_000
 _KEPT = {"thorough": 240, "fast": 100}
 _RATHER_WRONG, _BETTER = 0.5, 0.1  # an estimate less sure than this is given up for one that is so much surer
 _ROUNDED_BETTER = 0.3  # likewise a polygon for a rounded outline, for the vertices are lost with it
@@ -150,7 +150,7 @@ def assess(
     if len(run.problem.k) > 1 and area_mm2 is None and _firm(run, outline, covariance):
         return Assessment(_SURE)
     evaluations = _EVALUATIONS[effort]
-    if len(run.problem.k) > 1 and run.problem.x.size < _HELD_STRIPS:
+    if len(run.problem.k) > 1 and run.problem.x.size < HELD_STRIPS:
         evaluations = max(evaluations, _EVALUATIONS_OF_FEW)
     drawn = draw(run, sensor, sigma_known, evaluations, _KEPT[effort], area_mm2, known_count)
     if drawn is None:
