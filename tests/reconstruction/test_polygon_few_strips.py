@@ -93,6 +93,22 @@ def test_corners_on_few_strips_do_not_pass_for_noise_no_sensor_has() -> None:
         assert found.confidence is not None
 
 
+@pytest.mark.parametrize("known", [True, False])
+def test_corners_between_three_strips_are_drawn_where_no_polygon_follows_them(known: bool) -> None:
+    """Six readings are too few to try a corner: an upright trapezoid was 50 deviations off, or a line."""
+    sensor = Sensor(construction="crs-crs", strips=10, pitch_mm=10.0, length_mm=100.0, adc_bits=10)
+    shape = Contact.polygon([(57.4, 9.7), (90.3, 46.4), (74.0, 60.9)])
+    noise = Noise(positional=0.003)
+    for seed in range(2):
+        scan = simulate(sensor, shape, noise, rng=seed)
+        (found,) = fit_polygon(scan, sensor, noise if known else None, assessment="fast").objects
+        assert mismatch(shape.vertices, found.vertices).iou > 0.75
+        assert found.status == "doubtful"
+        assert "from two objects on the same strips" in found.advice
+        assert found.confidence is not None
+        assert found.confidence <= 0.8
+
+
 @pytest.mark.parametrize(
     ("radius", "flat", "named", "least"),
     [(20.0, 1.0, True, 6), (20.0, 0.6, True, 6), (25.0, 0.6, False, 5)],

@@ -38,6 +38,7 @@ from tacstrip.reconstruction.noise_covariance import (
 )
 from tacstrip.reconstruction.on_surface import refuse_stretched
 from tacstrip.reconstruction.polygon.goodness_of_fit import chi_square_score
+from tacstrip.reconstruction.polygon.run import CHECKS
 from tacstrip.reconstruction.result import Alternative, Pose, Reconstruction, RecoveredObject
 from tacstrip.reconstruction.seam import unrolled
 from tacstrip.reconstruction.strip_width import PARTIAL_STRIPS
@@ -263,7 +264,10 @@ def _of_student(fit: PoseFit, known: float | None) -> float:
 def _without_outlier(
     fit: PoseFit, poses: FloatArray, known: float | None, distribution: str
 ) -> tuple[PoseFit, FloatArray]:
-    """Return the fit, and its poses, without the one reading that no pose explains while one does all others."""
+    """Return the fit, and its poses, without the one reading that no pose explains while one does all others.
+
+    None is left out where hardly any would be left to check the others: there another object's outline passes, too.
+    """
 
     def explained(trial: PoseFit, pose: FloatArray) -> bool:
         level = noise_left(trial, pose)
@@ -272,7 +276,7 @@ def _without_outlier(
             or chi_square_score(readings_left(trial, pose), freedom_of(trial), distribution) <= ALARM
         )
 
-    if explained(fit, poses[0]) or freedom_of(fit) < 2:
+    if explained(fit, poses[0]) or freedom_of(fit) < CHECKS:
         return fit, poses
     found = (fit, poses)
     least = math.inf

@@ -99,22 +99,43 @@ def fit_convex(problem: FitProblem, l: FloatArray, u: FloatArray) -> ConvexFit:
     return ConvexFit(x, found.T, chi, max(measured - sum(kinks) - 4, 1))
 
 
-def follows_convex(
+@dataclass(frozen=True, eq=False)
+class OneConvex:
+    """One convex object that explains the readings of both signatures of a run.
+
+    Attributes
+    ----------
+    run
+        Of all readings but those of a faulty channel, also of what a polygon left out; without an ellipse, which was
+        compared with that polygon.
+    ends
+        Convex l and u on its strips.
+    """
+
+    run: RunFit
+    ends: ConvexFit
+
+    def like(self, outline: Outline, sensor: Sensor) -> bool:
+        """Whether an outline hardly differs from these ends on the strips."""
+        return like(outline, self.ends, self.run, sensor)
+
+
+def explained_by_convex(
     run: RunFit,
     distribution: str | None,
     outline: Outline,
     sensor: Sensor,
     readings: Mapping[str, FloatArray],
     faulty: BoolArray,
-) -> bool:
-    """Whether an outline hardly differs from convex l and u that explain all readings, also those left out.
+) -> OneConvex | None:
+    """Return the convex l and u that explain all readings, also those left out; None where noise does not allow any.
 
     What a corner or a curve between few strips reads passes for an outlier, for a polygon of as many corners as so few
     readings tell. It is none, nor a second object's, where it is convex with all others. Arguments as of `second_look`,
     and which readings (2, n) are not asked, as a faulty channel's.
     """
     if len(run.problem.k) == 1 or run.selection is None:
-        return False
+        return None
     k = np.where(faulty, np.nan, np.stack([readings["kh"], readings["kl"]]))
     read = np.isfinite(k)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -122,7 +143,7 @@ def follows_convex(
     one = read.any(axis=0) & ~read.all(axis=0)  # there an end's place is the other's, too
     ends[:, one] = _on_strips(outline, run, sensor, run.problem.x[one])
     if not np.isfinite(ends).all():
-        return False
+        return None
     sigma = deviation(run, distribution, sensor, readings)
     weight = np.where(read, 1.0 / sigma**2, 0.0)
     problem = replace(run.problem, k=np.where(read, k, 0.0), weight=weight)
@@ -131,8 +152,13 @@ def follows_convex(
     # than noise, as of curves on few strips, these ends must be so near that no noise need be made up for them.
     most = MOST_SIGMA if run.sigma < MOST_SIGMA else _NEAR_ENOUGH
     if distribution is None and found.chi_square * sigma**2 > most**2 * found.freedom:
-        return False
-    return found.explains and like(outline, found, run, sensor)
+        return None
+    if not found.explains:
+        return None
+    whole = replace(
+        run, problem=problem, sigma=sigma, excluded=faulty, ellipse=None, ellipse_advantage=-np.inf
+    )
+    return OneConvex(whole, found)
 
 
 def deviation(

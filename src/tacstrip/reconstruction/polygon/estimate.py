@@ -297,7 +297,8 @@ def _contacts(
         if sigma is None and len(readings) > 1 and run.sigma > MOST_SIGMA:  # do corners pass for noise?
             likely = RunReadings(x, readings, MOST_SIGMA, margin_mm)
             (again,) = fit_runs(sensor, [likely], max_vertices, vertices)
-            if again.selection is not None and again.residual_sums[0] <= again.problem.readings:
+            corners = again.residual_sums[0] <= again.problem.readings
+            if again.selection is not None and (corners or run.outline is None):  # nor does a width
                 run = again
         run = run if sigma is not None else _at_least_a_step(run, sensor)
         return FittedContact(strips, missing, fitted, readings, margin_mm, vertices, run)

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.arrays import FloatArray
 from tacstrip.core.ellipse import Ellipse
 from tacstrip.core.outline_model import OutlineModel
 from tacstrip.core.polygon_fit import PolygonFit
@@ -23,9 +23,10 @@ from tacstrip.reconstruction.pieces.pair import Ends, Pair, likeliest_pair
 from tacstrip.reconstruction.pieces.run import RunPieces, split_run
 from tacstrip.reconstruction.polygon.chi_square import squares_score
 from tacstrip.reconstruction.polygon.convexity import (
+    OneConvex,
     deviation,
+    explained_by_convex,
     fit_convex,
-    follows_convex,
     inward_corners,
     like,
     scatter,
@@ -128,9 +129,12 @@ def misfit(
 
 def _more(run: RunFit) -> str:
     """Say that there may be more corners, where the readings are too few to have tried some more."""
-    if run.selection is None or run.selection.chosen.n_interior + PAST <= most_vertices(run.problem):
-        return ""
-    return f"have more corners than {run.problem.readings} readings can tell, "
+    return f"have more corners than {run.problem.readings} readings can tell, " if hides_corners(run) else ""
+
+
+def hides_corners(run: RunFit) -> bool:
+    """Whether the readings are too few to have tried some more corners."""
+    return run.selection is not None and run.selection.chosen.n_interior + PAST > most_vertices(run.problem)
 
 
 def one_convex(
@@ -139,18 +143,21 @@ def one_convex(
     outline: Outline,
     sensor: Sensor,
     readings: Mapping[str, FloatArray],
-) -> BoolArray | None:
-    """Return which reading (2, n), if any, is a faulty channel's, where convex ends explain all others; else None.
+) -> OneConvex | None:
+    """Return the convex object that explains all readings, or all but one of a faulty channel; else None.
 
-    Arguments as of `second_look`.
+    One that the outline is like comes first; others count where no outline of more corners was tried, for the readings
+    are too few. Arguments as of `second_look`.
     """
-    none = np.zeros_like(run.excluded)
-    if follows_convex(run, distribution, outline, sensor, readings, none):
-        return none
+    whole = explained_by_convex(run, distribution, outline, sensor, readings, np.zeros_like(run.excluded))
+    if whole is not None and whole.like(outline, sensor):
+        return whole
+    whole = whole if hides_corners(run) else None
     faulty = contradictory(run, sensor, readings)
     if np.count_nonzero(faulty) != 1 or one_end_off(replace(run, excluded=faulty), sensor, readings):
-        return None
-    return faulty if follows_convex(run, distribution, outline, sensor, readings, faulty) else None
+        return whole
+    others = explained_by_convex(run, distribution, outline, sensor, readings, faulty)
+    return others if others is not None and others.like(outline, sensor) else whole
 
 
 def second_look(
@@ -160,12 +167,12 @@ def second_look(
     sensor: Sensor,
     wrong: str,
     readings: Mapping[str, FloatArray],
-    convex: BoolArray | None,
+    convex: OneConvex | None,
 ) -> tuple[str, Pair | None]:
     """Return advice, or none, on an outline of two signatures, of which `wrong` was said, and two objects it may be.
 
     Two signatures tell l and u of every strip. Where convex ones explain them that the outline hardly differs from, it
-    is curved, and no polygon need explain it (`convex`: what `one_convex` says). Where none do, it is concave, or
+    is curved, and no polygon need explain it (`convex`: what `one_convex` says of it). Where none do, it is concave, or
     there are several objects.
     """
     selection = run.selection
@@ -176,7 +183,7 @@ def second_look(
     inward = any(inward_corners(fit)) if told is None else told
     sigma = deviation(run, distribution, sensor, readings)
     if convex is not None:
-        return "", _pair_at_the_ends(replace(run, excluded=convex), sensor, readings, sigma)
+        return "", _pair_at_the_ends(convex.run, sensor, readings, sigma)
     if one_end_off(run, sensor, readings):
         wrong = wrong or (
             "what was left out may be of a second object, or of an overhang: one end of the contact goes on there as "

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -35,12 +36,13 @@ from tacstrip.reconstruction.polygon.goodness_of_fit import (
     weakness,
 )
 from tacstrip.reconstruction.polygon.lone_fault import at_a_rail, beyond_outline
-from tacstrip.reconstruction.polygon.run import ModelInMm, RunFit
+from tacstrip.reconstruction.polygon.run import MOST_SIGMA, ModelInMm, RunFit
 from tacstrip.reconstruction.posterior.assessment import (
     ENOUGH,
     ENOUGH_OF_FEW,
     ENOUGH_OF_ONE,
     ENOUGH_STRIPS,
+    HELD_STRIPS,
     PROMISED_IOU,
     Assessment,
     Effort,
@@ -66,6 +68,9 @@ _NEVER = (
     2.0  # confidence that is enough: of few strips with one signature 1 in 10 is wrong even of the surest
 )
 _NAMED = 5  # strips that advice names
+# Probability of two objects where convex ends explain the readings of few strips, and no polygon of as many corners as
+# these hold does: among drawn contacts, of which one object is four times as frequent as two.
+_TWO_OF_FEW = 0.2
 # Probability of two objects: that the outline overlaps less than "ok" promises, and is doubted; less is not told.
 _OTHER, _NOTED = 0.14, 0.05
 _FAINT = "no corner could be distinguished from noise: a line fits as well as the triangle that is given; {}"
@@ -79,6 +84,10 @@ _MANY = (
 )
 
 
+_FEW_TELL = (
+    "{} strips do not tell this outline, the commonest of one object, from two objects on the same strips, which "
+    "it is with a probability of {:.2g}: use finer strips, or slide the contact and track it"
+)
 _TWICE = (
     "strips read nothing inside the contact, and other readings do not fit: that is seldom one object, and rather two; "
     "slide the contact along the row of strips, or leave out what is broken (--without, or the spec)"
@@ -170,21 +179,32 @@ def reconstruct_object(
     wrong = misfit(run, distribution, given.slopes, given.errors) or unbounded
     asked = wrong or np.count_nonzero(run.excluded)
     convex = one_convex(run, distribution, given.outline, sensor, contact.readings) if asked else None
+    assessing = partial(
+        assess, sensor=sensor, sigma_known=noise is not None, effort=effort, area_mm2=area_mm2,
+        known_count=contact.known_count,
+    )  # fmt: skip
+    two, assessed = 0.0, None
+    if convex is not None:
+        noisy = noise is None and run.sigma >= MOST_SIGMA
+        two = _TWO_OF_FEW if noisy and run.problem.x.size < HELD_STRIPS else 0.0
+        if not convex.like(given.outline, sensor):
+            # Few readings tell few corners: these do not follow what they say together, outlines of more that are drawn
+            # do.
+            whole = replace(contact, run=convex.run)
+            drawn = assessing(convex.run, outline=given.outline, covariance=given.covariance, misses=True)
+            other = None if drawn.better is None else _Estimate.of(whole, sensor, scan, noise, drawn.better)
+            if other is not None and convex.like(other.outline, sensor):
+                run, contact, given, assessed, two = convex.run, whole, other, drawn, _TWO_OF_FEW
+            else:
+                convex, two = None, 0.0
     wrong, pair = second_look(run, distribution, given.outline, sensor, wrong, contact.readings, convex)
     beyond = beyond_outline(run, contact.readings)
-    assessed = assess(
-        run,
-        sensor,
-        given.outline,
-        given.covariance,
-        noise is not None,
-        effort,
-        area_mm2,
-        contact.known_count,
-        int(np.count_nonzero(beyond)),
-    )
-    if assessed.better is not None:
-        faint, given = False, _Estimate.of(contact, sensor, scan, noise, assessed.better)
+    if assessed is None:
+        assessed = assessing(
+            run, outline=given.outline, covariance=given.covariance, faults=int(np.count_nonzero(beyond))
+        )
+        if assessed.better is not None:
+            faint, given = False, _Estimate.of(contact, sensor, scan, noise, assessed.better)
     outline, covariance = given.outline, given.propagated()
     second = signature_advice(sensor) if len(run.problem.k) == 1 else ""
     never = bool(second) and few_strips(run)
@@ -213,7 +233,10 @@ def reconstruct_object(
         if not wrong:
             right = pair.overlap(outline.vertices) >= PROMISED_IOU
             wrong, note = _two_objects(pair.probability, right, sure)
-    faulty = np.zeros_like(run.excluded) if convex is None else convex
+    if two and not wrong:
+        wrong = _FEW_TELL.format(run.problem.x.size, two)
+        confidence = None if confidence is None else (1.0 - two) * confidence
+    faulty = np.zeros_like(run.excluded) if convex is None else convex.run.excluded
     if convex is None and not wrong:  # else it may be the outline
         faulty = contradictory(run, sensor, contact.readings)
         if beyond.any():

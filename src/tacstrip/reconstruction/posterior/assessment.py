@@ -36,7 +36,7 @@ ENOUGH_OF_FEW = 0.85  # with both signatures on fewer than `ENOUGH_STRIPS`: many
 ENOUGH_OF_ONE: Mapping[Effort, float] = {"thorough": 0.72, "fast": 0.52}
 _EVALUATIONS = {"thorough": 240_000, "fast": 14_000}
 # Both signatures on fewer strips leave outlines of more corners open, which so few draws would miss.
-_HELD_STRIPS, _EVALUATIONS_OF_FEW = 5, 56_000
+HELD_STRIPS, _EVALUATIONS_OF_FEW = 5, 56_000
 _KEPT = {"thorough": 240, "fast": 100}
 _RATHER_WRONG, _BETTER = 0.5, 0.1  # an estimate less sure than this is given up for one that is so much surer
 _ROUNDED_BETTER = 0.3  # likewise a polygon for a rounded outline, for the vertices are lost with it
@@ -63,6 +63,7 @@ _ODDS: dict[str, dict[str, tuple[float, ...]]] = {
         _ELLIPSE: (-8.863, 2.089, 1.232, -3.0, -1.293),
     },
 }
+_AS_WELL = 0.03  # of the expected IoU
 _PLAIN, _MANY = 5, 7  # corners that are no doubt, and how many more of them count
 _LEAST = 0.02  # expected IoU that none counts as
 _MISFITS = (0.5, 300.0)  # of the best rounded outline, beyond which it tells no more
@@ -121,6 +122,7 @@ def assess(
     area_mm2: tuple[float, float] | None = None,
     known_count: int | None = None,
     faults: int = 0,
+    misses: bool = False,
 ) -> Assessment:
     """Compare an estimate with outlines drawn from the posterior.
 
@@ -140,13 +142,15 @@ def assess(
         Its vertices, where that is known.
     faults
         Readings left out that are surely of faulty channels.
+    misses
+        Whether both signatures tell a convex contact that the estimate does not follow: it is given up for a draw.
     """
     if effort == "none":
         return Assessment()
     if len(run.problem.k) > 1 and area_mm2 is None and _firm(run, outline, covariance):
         return Assessment(_SURE)
     evaluations = _EVALUATIONS[effort]
-    if len(run.problem.k) > 1 and run.problem.x.size < _HELD_STRIPS:
+    if len(run.problem.k) > 1 and run.problem.x.size < HELD_STRIPS:
         evaluations = max(evaluations, _EVALUATIONS_OF_FEW)
     drawn = draw(run, sensor, sigma_known, evaluations, _KEPT[effort], area_mm2, known_count)
     if drawn is None:
@@ -165,19 +169,25 @@ def assess(
             draw_rounded(drawn.problem, drawn.window, drawn.x, ends),
             draw_regular(drawn.problem, drawn.window, drawn.x, least),
         )
-    if one:
+    if one or misses:
         fitting = drawn.fitting(known_count)
         short = known_count is not None and len(outline.vertices) != known_count
-        told = area_mm2 is not None or short  # what the fit does not know, or does not keep to
+        told = area_mm2 is not None or short or misses  # what the fit does not know, or does not keep to
         if (confidence < _RATHER_WRONG or told) and fitting.any():
             # The outline that overlaps the others best; the mean of them would be none that the readings allow.
-            at = int(np.argmax(np.where(fitting, every @ drawn.weight, 0.0)))
+            among = np.where(fitting, every @ drawn.weight, 0.0)
+            if misses:  # many overlap nearly as well: take no corners that no reading asks for
+                counts = vertex_counts(drawn.samples.outlines)
+                few = counts == counts[among >= among.max() - _AS_WELL].min()
+                among = np.where(few, among, 0.0)
+            at = int(np.argmax(among))
             near = every[at] >= PROMISED_IOU
             surer = 0.0 if told else _BETTER
-            if short or near @ drawn.weight > confidence + surer:
+            if short or misses or near @ drawn.weight > confidence + surer:
                 own, confidence, better = near, float(near @ drawn.weight), drawn.model(at, run.problem)
                 outline = Outline(*better.chains_mm(run.problem))
                 ends = drawn.ends_of(outline.lower, outline.upper)
+    if one:
         corners = float(len(outline.vertices))
         if rivals is not None:  # long chains: their counts tell more
             corners = float(vertex_counts(drawn.samples.outlines).mean())
