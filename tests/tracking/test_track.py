@@ -60,6 +60,24 @@ def test_ten_strips_tell_the_shape_and_its_poses() -> None:
     assert np.median(one.velocities[:, 0]) == pytest.approx(15.0 / 0.39, rel=0.2)
 
 
+def test_readings_that_stray_are_set_aside_and_named() -> None:
+    """One far off and one of some deviations, which only the fit tells; the outline is that of the others."""
+    sensor = ten_strips()
+    scans = pressed(sensor, CORNERS, sliding(30), NOISE)
+    strayed = list(scans)
+    for number, name, off in ((12, "kh", 0.3), (0, "kl", 0.04)):
+        k = scans[number][name].copy()
+        strip = int(np.flatnonzero(np.isfinite(k))[2])
+        k[strip] += off
+        strayed[number] = ts.Scan(
+            time_s=scans[number].time_s, **{"kh": scans[number].kh, "kl": scans[number].kl, name: k}
+        )
+    (one,) = ts.track(strayed, sensor, replace(NOISE, strays=0.002, stray_size=0.3))
+    assert one.status == "ok"
+    assert re.match(r"2 of \d+ readings .*scan 0: k_l of strip \d, scan 12: k_h of strip", one.advice)
+    assert distance(one.outline, CORNERS) < 0.3
+
+
 def test_regions_of_corners_and_poses_hold_the_truth() -> None:
     """Over scenes: normalised errors are those of chi square with as many degrees of freedom."""
     sensor, poses = ten_strips(), sliding(30)

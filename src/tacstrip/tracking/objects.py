@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -14,7 +15,9 @@ from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.rigid.corners import Fit, posed
 from tacstrip.tracking.rigid.search import LEAST_STRIPS, Found
 from tacstrip.tracking.shared_strips.known import Alone, Shared
+from tacstrip.tracking.strays import set_aside, strays_over_time
 
+GUESS = 0.003  # of sigma that is not known [Vref]
 TOLD = 0.1  # of the pitch: shapes that differ by more are not the same
 _UNEXPLAINED = (
     "in the scans in which it shares strips the known objects do not explain the readings: another is there that is "
@@ -119,6 +122,13 @@ class Readings:
     names: tuple[str, ...]
     sigma: float | None
     distribution: str
+
+    @cached_property
+    def without_strays(self) -> FloatArray:
+        """The readings without those that stray from one scan to the next."""
+        return set_aside(
+            self.k, strays_over_time(self.k, self.sigma or max(GUESS, self.skin.sensor.adc_step))
+        )
 
     @property
     def followable(self) -> bool:

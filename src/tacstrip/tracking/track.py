@@ -99,7 +99,10 @@ def track(scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None) -> 
     # a scan that touches only strips whose other channel is left out lacks a signature that others have
     names = tuple(name for name in own if any(np.isfinite(scan.reading(name)).any() for scan in read)) or own
     noise = sensor.noise if noise is None else noise
-    sigma = None if noise is None else max(fit_sigma(noise, sensor, Averaging.of(read[0])), FLOOR)
+    sigma = None
+    if noise is not None:  # strays are set aside
+        steady = replace(noise, strays=0.0, stray_size=0.0)
+        sigma = max(fit_sigma(steady, sensor, Averaging.of(read[0])), FLOOR)
 
     def of_lines(lines: list[Scan], thin: Sensor) -> list[Track]:
         return _tracked(lines, thin, noise, sigma, names)
