@@ -16,6 +16,7 @@ from rigid_scenes import CORNERS, at, distance, pressed, rigid_scene, sliding, t
 from studies.holdout.tracks_set import scene
 from tacstrip.arrays import FloatArray, plain
 from tacstrip.cli import cli
+from tacstrip.cli.track import _line
 from tacstrip.core.binding import exported
 from tacstrip.core.rigid import RigidScans, descend, linearised, loss
 from tacstrip.geometry.moments import moments
@@ -76,6 +77,22 @@ def test_readings_that_stray_are_set_aside_and_named() -> None:
     assert one.status == "ok"
     assert re.match(r"2 of \d+ readings .*scan 0: k_l of strip \d, scan 12: k_h of strip", one.advice)
     assert distance(one.outline, CORNERS) < 0.3
+
+
+@pytest.mark.parametrize(("kind", "half"), [("disc", (22.0, 22.0)), ("ellipse", (28.0, 20.0))])
+def test_round_objects_are_told_by_their_half_axes(kind: str, half: tuple[float, float]) -> None:
+    sensor, poses = ten_strips(), sliding(25)
+    angle = np.linspace(0.0, 2.0 * np.pi, 180, endpoint=False)
+    outline = np.stack([half[0] * np.cos(angle), half[1] * np.sin(angle)], axis=1)
+    (one,) = ts.track(pressed(sensor, outline, poses, NOISE), sensor, NOISE)
+    assert (one.status, one.kind, one.advice) == ("ok", kind, "")
+    assert abs(one.area_mm2 - np.pi * half[0] * half[1]) < 3.0 * one.area_deviation_mm2 < 20.0
+    assert np.abs(one.poses[:, :2] - poses[:, :2]).max() < 1.5  # mm
+    turned = one.poses[-1, 2] - one.poses[0, 2]
+    assert turned == pytest.approx(1.0 if kind == "ellipse" else 0.0, abs=0.1)
+    about = track_collection([one])["features"][0]["properties"]
+    assert about["kind"] == kind
+    assert ("how far it turned is not known" in _line(one)) == (kind == "disc")
 
 
 def test_regions_of_corners_and_poses_hold_the_truth() -> None:

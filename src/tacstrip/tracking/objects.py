@@ -13,7 +13,8 @@ from tacstrip.core.rigid import RigidScans
 from tacstrip.reconstruction.seam import opened
 from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.rigid.corners import Fit, posed
-from tacstrip.tracking.rigid.search import LEAST_STRIPS, Found
+from tacstrip.tracking.rigid.ellipse import RigidEllipse
+from tacstrip.tracking.rigid.search import LEAST_STRIPS, Found, content
 from tacstrip.tracking.shared_strips.known import Alone, Shared
 from tacstrip.tracking.strays import set_aside, strays_over_time
 
@@ -44,7 +45,8 @@ class Skin:
 class Object:
     """The scans that show one object by itself, its readings there, and what was found; and with others.
 
-    `alike`: one of those that share strips with it has its shape. `begun`: what a search that was not thorough found.
+    `alike`: one of those that share strips with it has its shape. `ellipse`: it is one, or a disc, and no polygon.
+    `begun`: what a search that was not thorough found.
     """
 
     shown: list[int]
@@ -54,7 +56,12 @@ class Object:
     found: Found
     shared: tuple[Shared, ...] = ()
     alike: bool = False
+    ellipse: RigidEllipse | None = None
     begun: Found | None = field(default=None, repr=False)
+
+    def explained(self, distribution: str) -> bool:
+        """Whether a rigid outline explains its scans."""
+        return self.ellipse is not None or content(self.scans, self.found.fit, distribution)
 
     @property
     def places(self) -> set[tuple[int, int]]:
@@ -66,6 +73,7 @@ class Object:
         """Whether it can be followed where it shares strips: there channels have no offsets and poses no spline."""
         return (
             self.found.offsets is None
+            and self.ellipse is None
             and self.found.fit.basis is None
             and self.scans.strips_touched >= LEAST_STRIPS
         )

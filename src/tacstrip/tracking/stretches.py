@@ -12,6 +12,7 @@ from tacstrip.core.rigid import RigidScans
 from tacstrip.tracking.episodes import Episode
 from tacstrip.tracking.objects import GUESS, Object, Readings
 from tacstrip.tracking.rigid.corners import posed
+from tacstrip.tracking.rigid.ellipse import rigid_ellipse
 from tacstrip.tracking.rigid.offsets import taken_off
 from tacstrip.tracking.rigid.search import (
     Found,
@@ -29,6 +30,7 @@ MOST = 200  # scans that a shape is fitted to; the others only have their poses 
 _CEILING = 0.02 / math.sqrt(3.0)  # of sigma that is not known [Vref]
 _ALIKE = 1.25  # times a guess of sigma: found again, it is believed
 _ROUNDS = 3  # of finding sigma
+_FEWEST_OF_CURVE = 6  # corners that explain what is a disc or an ellipse
 _CLEANED = 2  # further searches, each without the readings that stray
 
 
@@ -51,7 +53,7 @@ def searched(
         level = begun.starts.scans.sigma
     every = RigidScans(read.skin.laid_out, read.names, episode.readings(read.k, read.skin.span), level)
     best = one = _searched(episode, every, read, offsets=offsets, thorough=thorough, begun=begun)
-    if read.sigma and content(best.scans, best.found.fit, read.distribution):
+    if read.sigma and best.explained(read.distribution):
         return best
     kept = episode.readings(read.without_strays, read.skin.span)
     for _ in range(_CLEANED):
@@ -59,8 +61,7 @@ def searched(
         if np.isfinite(kept).sum() == one.scans.readings.sum():
             break
         one = _searched(episode, replace(every, k=kept), read, offsets=offsets, thorough=thorough)
-        explained = content(one.scans, one.found.fit, read.distribution)
-        if explained and (read.sigma or one.scans.sigma < best.scans.sigma / _ALIKE):
+        if one.explained(read.distribution) and (read.sigma or one.scans.sigma < best.scans.sigma / _ALIKE):
             return one
     return best
 
@@ -88,11 +89,20 @@ def _searched(
     rest = taken_off(every.of(few), ended.offsets)
     if ended.fit.basis is None and content(rest, ended.fit, read.distribution):
         ended = counted_among_followers(rest, ended, read.distribution)
-    every = taken_off(every, ended.offsets)
+    raw, every = every, taken_off(every, ended.offsets)
     fit = with_all_poses(every, few, ended.fit)
     found = replace(ended, fit=fit, chosen=few[ended.chosen], starts=None)
-    kept = None if thorough else ended
-    return Object(episode.scans, episode.joint, episode.runs, every, found, begun=kept)
+    one = Object(episode.scans, episode.joint, episode.runs, every, found, begun=None if thorough else ended)
+    polygon = len(fit.corners) < _FEWEST_OF_CURVE and one.explained(read.distribution)
+    # live shapes are polygons; offsets may be made of what a polygon leaves of a curve
+    for scans in (raw, every) if offsets and not polygon and fit.basis is None else ():
+        ellipse = rigid_ellipse(scans, fit, few, read.distribution)
+        if ellipse is not None:
+            known = None if scans is raw else ended.offsets
+            return replace(one, scans=scans, found=replace(found, offsets=known), ellipse=ellipse)
+        if ended.offsets is None:
+            break
+    return one
 
 
 def with_stretches(one: Object, start: Episode, left: list[Episode], read: Readings) -> Object:

@@ -25,7 +25,6 @@ from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.episodes import Episode, episodes, spanned
 from tacstrip.tracking.objects import Object, Readings, Skin
 from tacstrip.tracking.result import STANDS, Track
-from tacstrip.tracking.rigid.search import content
 from tacstrip.tracking.stretches import explained_too, searched, with_stretches
 from tacstrip.tracking.summary import of_one_scan, summarised
 from tacstrip.tracking.together import together
@@ -140,7 +139,7 @@ def _tracked(
         one = left.pop(0)
         hurried = readings.followable and not any(e.joint for e in one.group)
         seen = searched(one, readings, thorough=not hurried)
-        if seen is None or not content(seen.scans, seen.found.fit, distribution):
+        if seen is None or not seen.explained(distribution):
             unlike.append(one)
             tried[id(one)] = seen
         else:
