@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
 from click.testing import CliRunner
 
 import tacstrip as ts
@@ -59,6 +60,19 @@ def test_ten_strips_tell_the_shape_and_its_poses() -> None:
     turned = np.diff(one.poses[[0, -1], 2])[0]
     assert turned == pytest.approx(1.0, abs=0.03)
     assert np.median(one.velocities[:, 0]) == pytest.approx(15.0 / 0.39, rel=0.2)
+
+
+def test_round_corners_are_told_from_pointed_ones() -> None:
+    sensor, poses = ten_strips(), sliding(25)
+    rounded = shapely.Polygon(CORNERS).buffer(-6.0).buffer(6.0, quad_segs=16)
+    outline = shapely.get_coordinates(rounded)[:-1]
+    (one,) = ts.track(pressed(sensor, outline, poses, NOISE), sensor, NOISE)
+    assert (one.status, one.kind) == ("ok", "rounded")
+    assert abs(one.area_mm2 - rounded.area) < 3.0 * one.area_deviation_mm2 < 30.0
+    there = shapely.Polygon(one.placed(12))
+    assert (
+        there.hausdorff_distance(shapely.Polygon(at(outline, poses[12]))) < 1.0
+    )  # mm; of a polygon 1.5 to 3
 
 
 def test_readings_that_stray_are_set_aside_and_named() -> None:

@@ -13,7 +13,7 @@ from tacstrip.core.rigid import RigidScans
 from tacstrip.reconstruction.seam import opened
 from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.rigid.corners import Fit, posed
-from tacstrip.tracking.rigid.ellipse import RigidEllipse
+from tacstrip.tracking.rigid.curved import RigidCurve
 from tacstrip.tracking.rigid.search import LEAST_STRIPS, Found, content
 from tacstrip.tracking.shared_strips.known import Alone, Shared
 from tacstrip.tracking.strays import set_aside, strays_over_time
@@ -45,7 +45,7 @@ class Skin:
 class Object:
     """The scans that show one object by itself, its readings there, and what was found; and with others.
 
-    `alike`: one of those that share strips with it has its shape. `ellipse`: it is one, or a disc, and no polygon.
+    `alike`: one of those that share strips with it has its shape. `curve`: it is one, and no polygon.
     `begun`: what a search that was not thorough found.
     """
 
@@ -56,12 +56,12 @@ class Object:
     found: Found
     shared: tuple[Shared, ...] = ()
     alike: bool = False
-    ellipse: RigidEllipse | None = None
+    curve: RigidCurve | None = None
     begun: Found | None = field(default=None, repr=False)
 
     def explained(self, distribution: str) -> bool:
         """Whether a rigid outline explains its scans."""
-        return self.ellipse is not None or content(self.scans, self.found.fit, distribution)
+        return self.curve is not None or content(self.scans, self.found.fit, distribution)
 
     @property
     def places(self) -> set[tuple[int, int]]:
@@ -73,7 +73,7 @@ class Object:
         """Whether it can be followed where it shares strips: there channels have no offsets and poses no spline."""
         return (
             self.found.offsets is None
-            and self.ellipse is None
+            and self.curve is None
             and self.found.fit.basis is None
             and self.scans.strips_touched >= LEAST_STRIPS
         )

@@ -57,7 +57,8 @@ class Track(Drawn):
         By signature, what each channel reads beside the truth (strips,) [Vref], where the readings of the whole
         recording ask for it; else empty. 0 where the object never was.
     kind
-        What the outline is: "polygon", else its corners draw it: "ellipse" or "disc", whose angle stays 0.
+        What the outline is: "polygon", else its corners draw it: "rounded" (a convex polygon whose corners are arcs of
+        one radius), "ellipse" or "disc", whose angle stays 0.
     by_scan
         Where no rigid outline explains the scans, or they are too few for one: how `single` is found; else None.
 

@@ -10,6 +10,7 @@ from tacstrip.core.rigid import RigidScans, fit_poses, linearised, loss
 from tacstrip.tracking.rigid.corners import Fit, bad_scans, explained, jiggles
 
 _BLOCK = 100  # scans that are looked at together: of a channel at most a tenth may stray
+_GROSS = 2.5  # times what is a spike among neighbouring strips: smaller strays disturb no search, the fit tells them
 _FAR = 6.0  # standard deviations from what an outline makes of the scan's other readings
 _CAUCHY = 2.0
 _MOST = 0.1  # of the scans: where more do not fit, the outline is wrong, or there is no rigid one
@@ -26,7 +27,7 @@ def strays_over_time(k: FloatArray, sigma: float) -> BoolArray:
     for start in range(0, len(k), _BLOCK):
         part = k[start : start + _BLOCK]
         for s, i in np.argwhere(np.isfinite(part).any(axis=0)):
-            found[start : start + _BLOCK, s, i] = spikes(part[:, s, i], sigma)
+            found[start : start + _BLOCK, s, i] = spikes(part[:, s, i], _GROSS * sigma)
     found &= np.isfinite(k)
     lasting = np.zeros(k.shape, dtype=bool)
     three = found[:-2] & found[1:-1] & found[2:]

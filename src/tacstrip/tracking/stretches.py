@@ -12,7 +12,7 @@ from tacstrip.core.rigid import RigidScans
 from tacstrip.tracking.episodes import Episode
 from tacstrip.tracking.objects import GUESS, Object, Readings
 from tacstrip.tracking.rigid.corners import posed
-from tacstrip.tracking.rigid.ellipse import rigid_ellipse
+from tacstrip.tracking.rigid.curved import rigid_curve
 from tacstrip.tracking.rigid.offsets import taken_off
 from tacstrip.tracking.rigid.search import (
     Found,
@@ -30,7 +30,6 @@ MOST = 200  # scans that a shape is fitted to; the others only have their poses 
 _CEILING = 0.02 / math.sqrt(3.0)  # of sigma that is not known [Vref]
 _ALIKE = 1.25  # times a guess of sigma: found again, it is believed
 _ROUNDS = 3  # of finding sigma
-_FEWEST_OF_CURVE = 6  # corners that explain what is a disc or an ellipse
 _CLEANED = 2  # further searches, each without the readings that stray
 
 
@@ -93,13 +92,12 @@ def _searched(
     fit = with_all_poses(every, few, ended.fit)
     found = replace(ended, fit=fit, chosen=few[ended.chosen], starts=None)
     one = Object(episode.scans, episode.joint, episode.runs, every, found, begun=None if thorough else ended)
-    polygon = len(fit.corners) < _FEWEST_OF_CURVE and one.explained(read.distribution)
     # live shapes are polygons; offsets may be made of what a polygon leaves of a curve
-    for scans in (raw, every) if offsets and not polygon and fit.basis is None else ():
-        ellipse = rigid_ellipse(scans, fit, few, read.distribution)
-        if ellipse is not None:
+    for scans in (raw, every) if offsets and fit.basis is None else ():
+        curve = rigid_curve(scans, fit, few, read.distribution)
+        if curve is not None:
             known = None if scans is raw else ended.offsets
-            return replace(one, scans=scans, found=replace(found, offsets=known), ellipse=ellipse)
+            return replace(one, scans=scans, found=replace(found, offsets=known), curve=curve)
         if ended.offsets is None:
             break
     return one

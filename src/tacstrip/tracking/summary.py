@@ -19,7 +19,7 @@ from tacstrip.tracking.objects import TOLD, Object, Readings, Skin
 from tacstrip.tracking.result import Track
 from tacstrip.tracking.rigid.corners import FIRST, Fit, explained, posed, reflex
 from tacstrip.tracking.rigid.covariance import covariances, following, information
-from tacstrip.tracking.rigid.ellipse import RigidEllipse
+from tacstrip.tracking.rigid.curved import DISC, ROUNDED, RigidCurve
 from tacstrip.tracking.rigid.offsets import not_ruled_out, with_offsets
 from tacstrip.tracking.rigid.posterior import scatter
 from tacstrip.tracking.rigid.rivals import beside_rivals, poses_beside_rivals, with_a_corner_cut
@@ -90,8 +90,8 @@ _LOOKS_ALIKE = "another that it shared strips with looks like it: after they par
 
 def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | None) -> Track:
     """Return what is known of an object over time."""
-    if one.ellipse is not None:
-        return _ellipse_over_time(one, one.ellipse, len(scans), read)
+    if one.curve is not None:
+        return _curve_over_time(one, one.curve, len(scans), read)
     fit, skin, total = one.found.fit, read.skin, len(scans)
     sensor = skin.sensor
     if _signed_area(fit.corners) < 0.0:
@@ -173,41 +173,45 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
     )  # fmt: skip
 
 
-def _ellipse_over_time(one: Object, ellipse: RigidEllipse, total: int, read: Readings) -> Track:
-    """Return what is known of a disc or an ellipse: a disc has no angle, and half a turn is none of an ellipse."""
-    fit, skin, order = ellipse.fit, read.skin, np.argsort(one.shown)
-    shape, of_poses = ellipse.covariances(one.scans)
+def _curve_over_time(one: Object, curve: RigidCurve, total: int, read: Readings) -> Track:
+    """Return what is known of a curved object: a disc has no angle, and half a turn is none of an ellipse."""
+    skin, order, fit = read.skin, np.argsort(one.shown), curve.fit
+    shape, of_poses = curve.covariances(one.scans, one.found.offsets)
     wider = following(one.scans.of(order), fit.corners, fit.poses[order])
+    turns = fit.poses[order, 2]
+    turns = (
+        np.zeros(len(turns))
+        if curve.kind == DISC
+        else np.unwrap(turns, period=np.pi * (1 + (curve.kind == ROUNDED)))
+    )
+    middle, first, own = fit.corners.mean(axis=0), float(turns[0]), fit.poses.copy()
+    own[order, 2] = turns
     poses, spreads = np.full((total, 3), np.nan), np.full((total, 3, 3), np.nan)
-    poses[one.shown], spreads[one.shown] = fit.poses, of_poses
+    poses[one.shown], spreads[one.shown] = _reframed(own, of_poses, middle, first)
     poses[:, 0] += skin.span.start * skin.sensor.pitch_mm
-    angle = poses[:, 2]
-    angle[one.shown] = (
-        0.0 if ellipse.kind == "disc" else np.unwrap(fit.poses[order, 2], period=np.pi)[np.argsort(order)]
-    )
-    first = angle[min(one.shown)]
-    outline, spin = (
-        _turned(fit.corners, first),
-        np.kron(np.eye(len(fit.corners)), _turned(np.eye(2), first).T),
-    )
-    poses[:, 2] -= first
-    shape = wider**2 * spin @ shape @ spin.T
+    outline = _turned(fit.corners - middle, first)
+    spin = np.kron(np.eye(len(outline)), _turned(np.eye(2), first).T)
+    shape = np.asarray(wider**2 * spin @ shape @ spin.T)
     loosest = math.sqrt(float(shape.diagonal().reshape(-1, 2).sum(axis=1).max()))
     unsure = max(TOLD * skin.sensor.pitch_mm, _MAY_BE_OFF * float(np.ptp(outline, axis=0).max()))
-    advice = _LOOSE.format(far=_DEVIATIONS * loosest) if _DEVIATIONS * loosest > unsure else ""
+    advice = ""
+    if _DEVIATIONS * loosest > unsure:
+        advice = _LOOSE.format(far=_DEVIATIONS * loosest)
+    elif _hardly_moved(one, outline, poses[np.isfinite(poses[:, 0])]):
+        advice = _HARDLY_MOVED.format(n=len(one.shown))
     strays, many = _strays(one, read)
     note = "; ".join([_WANDERS.format(times=wider)] * (wider > 1.0) + [strays] * many)
     status: Status = "doubtful" if advice else "likely" if note else "ok"
     said = "; ".join(filter(None, [advice or note, "" if many else strays]))
     return Track(
         0, outline, shape, poses, spreads, np.empty(0), np.empty(0), status, said, (), tuple(one.joint),
-        offsets=_offsets(one, skin), kind=ellipse.kind,
+        offsets=_offsets(one, skin), kind=curve.kind,
     )  # fmt: skip
 
 
 def _strays(one: Object, read: Readings) -> tuple[str, bool]:
     """Name the readings that were set aside with which no pose explains a scan; whether they are too many."""
-    fit, skin = one.ellipse.fit if one.ellipse else one.found.fit, read.skin
+    fit, skin = one.curve.fit if one.curve else one.found.fit, read.skin
     k = Episode(one.shown, one.runs).readings(read.k, skin.span)
     out = np.argwhere(np.isfinite(k) & ~np.isfinite(one.scans.k))
     if not len(out):
