@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
 from click.testing import CliRunner
 
 import tacstrip as ts
@@ -16,6 +17,7 @@ from rigid_scenes import CORNERS, at, distance, pressed, rigid_scene, sliding, t
 from studies.holdout.tracks_set import scene
 from tacstrip.arrays import FloatArray, plain
 from tacstrip.cli import cli
+from tacstrip.cli.track import _line
 from tacstrip.core.binding import exported
 from tacstrip.core.rigid import RigidScans, descend, linearised, loss
 from tacstrip.geometry.moments import moments
@@ -58,6 +60,53 @@ def test_ten_strips_tell_the_shape_and_its_poses() -> None:
     turned = np.diff(one.poses[[0, -1], 2])[0]
     assert turned == pytest.approx(1.0, abs=0.03)
     assert np.median(one.velocities[:, 0]) == pytest.approx(15.0 / 0.39, rel=0.2)
+
+
+def test_round_corners_are_told_from_pointed_ones() -> None:
+    sensor, poses = ten_strips(), sliding(25)
+    rounded = shapely.Polygon(CORNERS).buffer(-6.0).buffer(6.0, quad_segs=16)
+    outline = shapely.get_coordinates(rounded)[:-1]
+    (one,) = ts.track(pressed(sensor, outline, poses, NOISE), sensor, NOISE)
+    assert (one.status, one.kind) == ("ok", "rounded")
+    assert abs(one.area_mm2 - rounded.area) < 3.0 * one.area_deviation_mm2 < 30.0
+    there = shapely.Polygon(one.placed(12))
+    assert (
+        there.hausdorff_distance(shapely.Polygon(at(outline, poses[12]))) < 1.0
+    )  # mm; of a polygon 1.5 to 3
+
+
+def test_readings_that_stray_are_set_aside_and_named() -> None:
+    """One far off and one of some deviations, which only the fit tells; the outline is that of the others."""
+    sensor = ten_strips()
+    scans = pressed(sensor, CORNERS, sliding(30), NOISE)
+    strayed = list(scans)
+    for number, name, off in ((12, "kh", 0.3), (0, "kl", 0.04)):
+        k = scans[number][name].copy()
+        strip = int(np.flatnonzero(np.isfinite(k))[2])
+        k[strip] += off
+        strayed[number] = ts.Scan(
+            time_s=scans[number].time_s, **{"kh": scans[number].kh, "kl": scans[number].kl, name: k}
+        )
+    (one,) = ts.track(strayed, sensor, replace(NOISE, strays=0.002, stray_size=0.3))
+    assert one.status == "ok"
+    assert re.match(r"2 of \d+ readings .*scan 0: k_l of strip \d, scan 12: k_h of strip", one.advice)
+    assert distance(one.outline, CORNERS) < 0.3
+
+
+@pytest.mark.parametrize(("kind", "half"), [("disc", (22.0, 22.0)), ("ellipse", (28.0, 20.0))])
+def test_round_objects_are_told_by_their_half_axes(kind: str, half: tuple[float, float]) -> None:
+    sensor, poses = ten_strips(), sliding(25)
+    angle = np.linspace(0.0, 2.0 * np.pi, 180, endpoint=False)
+    outline = np.stack([half[0] * np.cos(angle), half[1] * np.sin(angle)], axis=1)
+    (one,) = ts.track(pressed(sensor, outline, poses, NOISE), sensor, NOISE)
+    assert (one.status, one.kind, one.advice) == ("ok", kind, "")
+    assert abs(one.area_mm2 - np.pi * half[0] * half[1]) < 3.0 * one.area_deviation_mm2 < 20.0
+    assert np.abs(one.poses[:, :2] - poses[:, :2]).max() < 1.5  # mm
+    turned = one.poses[-1, 2] - one.poses[0, 2]
+    assert turned == pytest.approx(1.0 if kind == "ellipse" else 0.0, abs=0.1)
+    about = track_collection([one])["features"][0]["properties"]
+    assert about["kind"] == kind
+    assert ("how far it turned is not known" in _line(one)) == (kind == "disc")
 
 
 def test_regions_of_corners_and_poses_hold_the_truth() -> None:

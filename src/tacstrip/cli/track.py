@@ -179,9 +179,8 @@ def _line(one: Track) -> str:
     if len(one.outline):
         area, off = one.area_mm2, one.area_deviation_mm2
         spread = f" +- {off:.2g}" if np.isfinite(off) else ""
-        text += f", {len(one.outline)} corners, " + (
-            "an area that is not known" if off > area else f"{area:.6g} mm2{spread}"
-        )
+        what = f"{len(one.outline)} corners" if one.kind == "polygon" else one.kind
+        text += f", {what}, " + ("an area that is not known" if off > area else f"{area:.6g} mm2{spread}")
         text += f", {_way(one, seen)}"
     if one.motion != "free":
         text += f"; taken for {one.motion}"

@@ -158,7 +158,7 @@ POLYGON = np.dtype(
 SHAPE_CORNERS, SHAPE_OBJECTS = 16, 8  # of a drawn polygon and of a drawn scene
 KNOTS, MOST_CORNERS = 20, 26  # points of a chain and vertices of a sampled outline
 HOTTEST = 6  # temperatures of a sampler
-RIGID_CORNERS = 24  # corners of an outline that keeps its shape
+RIGID_CORNERS = 64  # corners of an outline that keeps its shape
 HULL_OBJECTS = 8  # objects on the same strips
 SOLID_FRAME = 15  # numbers of a pressed object
 # `Outline` and `OutlinePrior` of core.h.

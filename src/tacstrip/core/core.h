@@ -30,7 +30,7 @@
 #define HOTTEST 6              /* temperatures of a sampler */
 #define SHAPE_CORNERS 16       /* of a drawn polygon */
 #define SHAPE_OBJECTS 8        /* of a drawn scene */
-#define RIGID_CORNERS 24       /* corners of an outline that keeps its shape, at most; 19 in a descent */
+#define RIGID_CORNERS 64       /* corners of an outline that keeps its shape, at most; 19 in a descent */
 #define HULL_OBJECTS 8         /* objects on the same strips, at most */
 #define SOLID_FRAME 15         /* numbers of an object: three axes, a place, three of its shape */
 

@@ -87,6 +87,7 @@ def _feature(track: Track) -> dict[str, Any]:
         "id": track.id,
         "status": track.status,
         "advice": track.advice,
+        "kind": track.kind,
         "area_mm2": plain(track.area_mm2),
         "area_sigma_mm2": plain(track.area_deviation_mm2),
         "outline_mm": plain(track.outline, 9),

@@ -18,9 +18,10 @@ from tacstrip.reconstruction.result import Alternative, Status
 from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.episodes import Episode
 from tacstrip.tracking.live_search import Contact, KnownShape, find_shape, moved
+from tacstrip.tracking.objects import GUESS
 from tacstrip.tracking.result import STANDS
 from tacstrip.tracking.rigid.fixed_lag import FixedLag, Known
-from tacstrip.tracking.stretches import GUESS, MOST
+from tacstrip.tracking.stretches import MOST
 from tacstrip.tracking.tracker import SEARCHED_AGAIN
 
 _FIRST = 10  # scans of a contact before its shape is searched for

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -12,9 +13,12 @@ from tacstrip.core.rigid import RigidScans
 from tacstrip.reconstruction.seam import opened
 from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.rigid.corners import Fit, posed
-from tacstrip.tracking.rigid.search import LEAST_STRIPS, Found
+from tacstrip.tracking.rigid.curved import RigidCurve
+from tacstrip.tracking.rigid.search import LEAST_STRIPS, Found, content
 from tacstrip.tracking.shared_strips.known import Alone, Shared
+from tacstrip.tracking.strays import set_aside, strays_over_time
 
+GUESS = 0.003  # of sigma that is not known [Vref]
 TOLD = 0.1  # of the pitch: shapes that differ by more are not the same
 _UNEXPLAINED = (
     "in the scans in which it shares strips the known objects do not explain the readings: another is there that is "
@@ -41,7 +45,8 @@ class Skin:
 class Object:
     """The scans that show one object by itself, its readings there, and what was found; and with others.
 
-    `alike`: one of those that share strips with it has its shape. `begun`: what a search that was not thorough found.
+    `alike`: one of those that share strips with it has its shape. `curve`: it is one, and no polygon.
+    `begun`: what a search that was not thorough found.
     """
 
     shown: list[int]
@@ -51,7 +56,12 @@ class Object:
     found: Found
     shared: tuple[Shared, ...] = ()
     alike: bool = False
+    curve: RigidCurve | None = None
     begun: Found | None = field(default=None, repr=False)
+
+    def explained(self, distribution: str) -> bool:
+        """Whether a rigid outline explains its scans."""
+        return self.curve is not None or content(self.scans, self.found.fit, distribution)
 
     @property
     def places(self) -> set[tuple[int, int]]:
@@ -63,6 +73,7 @@ class Object:
         """Whether it can be followed where it shares strips: there channels have no offsets and poses no spline."""
         return (
             self.found.offsets is None
+            and self.curve is None
             and self.found.fit.basis is None
             and self.scans.strips_touched >= LEAST_STRIPS
         )
@@ -119,6 +130,13 @@ class Readings:
     names: tuple[str, ...]
     sigma: float | None
     distribution: str
+
+    @cached_property
+    def without_strays(self) -> FloatArray:
+        """The readings without those that stray from one scan to the next."""
+        return set_aside(
+            self.k, strays_over_time(self.k, self.sigma or max(GUESS, self.skin.sensor.adc_step))
+        )
 
     @property
     def followable(self) -> bool:

@@ -56,6 +56,9 @@ class Track(Drawn):
     offsets
         By signature, what each channel reads beside the truth (strips,) [Vref], where the readings of the whole
         recording ask for it; else empty. 0 where the object never was.
+    kind
+        What the outline is: "polygon", else its corners draw it: "rounded" (a convex polygon whose corners are arcs of
+        one radius), "ellipse" or "disc", whose angle stays 0.
     by_scan
         Where no rigid outline explains the scans, or they are too few for one: how `single` is found; else None.
 
@@ -84,10 +87,12 @@ class Track(Drawn):
     motion: str = "free"
     offsets: dict[str, FloatArray] = field(default_factory=dict)
     by_scan: SingleScans | None = field(default=None, repr=False)
+    kind: str = "polygon"
 
     def __repr__(self) -> str:
-        corners = f"{len(self.outline)} corners, {self.area_mm2:.4g} mm2"
-        return f"<Track {self.id}: {self.status}, {corners}, in {int(self.present.sum())} of {len(self.poses)} scans>"
+        what = f"{len(self.outline)} corners" if self.kind == "polygon" else self.kind
+        what = f"{self.status}, {what}, {self.area_mm2:.4g} mm2"
+        return f"<Track {self.id}: {what}, in {int(self.present.sum())} of {len(self.poses)} scans>"
 
     def _paths(self) -> list[SvgPath]:
         seen = np.flatnonzero(self.present)

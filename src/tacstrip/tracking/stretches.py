@@ -10,8 +10,9 @@ import numpy as np
 from tacstrip.core.problem import FLOOR
 from tacstrip.core.rigid import RigidScans
 from tacstrip.tracking.episodes import Episode
-from tacstrip.tracking.objects import Object, Readings
+from tacstrip.tracking.objects import GUESS, Object, Readings
 from tacstrip.tracking.rigid.corners import posed
+from tacstrip.tracking.rigid.curved import rigid_curve
 from tacstrip.tracking.rigid.offsets import taken_off
 from tacstrip.tracking.rigid.search import (
     Found,
@@ -22,12 +23,14 @@ from tacstrip.tracking.rigid.search import (
     search,
     with_all_poses,
 )
+from tacstrip.tracking.strays import set_aside, strays_from_fit
 
 FEWEST = 5  # scans of one stretch that a shape is searched in
 MOST = 200  # scans that a shape is fitted to; the others only have their poses fitted
-GUESS, _CEILING = 0.003, 0.02 / math.sqrt(3.0)  # of sigma that is not known [Vref]
+_CEILING = 0.02 / math.sqrt(3.0)  # of sigma that is not known [Vref]
 _ALIKE = 1.25  # times a guess of sigma: found again, it is believed
 _ROUNDS = 3  # of finding sigma
+_CLEANED = 2  # further searches, each without the readings that stray
 
 
 def searched(
@@ -44,11 +47,35 @@ def searched(
     """
     if len(episode.scans) < FEWEST:
         return None
-    step = read.skin.sensor.adc_step
-    level = read.sigma or max(GUESS, step)
+    level = read.sigma or max(GUESS, read.skin.sensor.adc_step)
     if begun is not None and begun.starts is not None:
         level = begun.starts.scans.sigma
     every = RigidScans(read.skin.laid_out, read.names, episode.readings(read.k, read.skin.span), level)
+    best = one = _searched(episode, every, read, offsets=offsets, thorough=thorough, begun=begun)
+    if read.sigma and best.explained(read.distribution):
+        return best
+    kept = episode.readings(read.without_strays, read.skin.span)
+    for _ in range(_CLEANED):
+        kept = set_aside(kept, strays_from_fit(one.scans, one.found.fit))
+        if np.isfinite(kept).sum() == one.scans.readings.sum():
+            break
+        one = _searched(episode, replace(every, k=kept), read, offsets=offsets, thorough=thorough)
+        if one.explained(read.distribution) and (read.sigma or one.scans.sigma < best.scans.sigma / _ALIKE):
+            return one
+    return best
+
+
+def _searched(
+    episode: Episode,
+    every: RigidScans,
+    read: Readings,
+    *,
+    offsets: bool,
+    thorough: bool,
+    begun: Found | None = None,
+) -> Object:
+    """Do as `searched` with the episode's readings."""
+    level, step = every.sigma, read.skin.sensor.adc_step
     few = np.unique(np.linspace(0, len(every.k) - 1, min(len(every.k), MOST)).astype(int))
     least = max(step / math.sqrt(12.0), FLOOR)
     for _ in range(_ROUNDS):
@@ -61,11 +88,19 @@ def searched(
     rest = taken_off(every.of(few), ended.offsets)
     if ended.fit.basis is None and content(rest, ended.fit, read.distribution):
         ended = counted_among_followers(rest, ended, read.distribution)
-    every = taken_off(every, ended.offsets)
+    raw, every = every, taken_off(every, ended.offsets)
     fit = with_all_poses(every, few, ended.fit)
     found = replace(ended, fit=fit, chosen=few[ended.chosen], starts=None)
-    kept = None if thorough else ended
-    return Object(episode.scans, episode.joint, episode.runs, every, found, begun=kept)
+    one = Object(episode.scans, episode.joint, episode.runs, every, found, begun=None if thorough else ended)
+    # live shapes are polygons; offsets may be made of what a polygon leaves of a curve
+    for scans in (raw, every) if offsets and fit.basis is None else ():
+        curve = rigid_curve(scans, fit, few, read.distribution)
+        if curve is not None:
+            known = None if scans is raw else ended.offsets
+            return replace(one, scans=scans, found=replace(found, offsets=known), curve=curve)
+        if ended.offsets is None:
+            break
+    return one
 
 
 def with_stretches(one: Object, start: Episode, left: list[Episode], read: Readings) -> Object:

@@ -12,12 +12,14 @@ from tacstrip.contact.noise import Noise
 from tacstrip.geometry.pose import placed
 from tacstrip.reconstruction.result import Alternative, Status
 from tacstrip.scan import Scan
+from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.episodes import Episode
 from tacstrip.tracking.objects import TOLD, Object, Readings, Skin
 from tacstrip.tracking.result import Track
-from tacstrip.tracking.rigid.corners import FIRST, Fit, reflex
+from tacstrip.tracking.rigid.corners import FIRST, Fit, explained, posed, reflex
 from tacstrip.tracking.rigid.covariance import covariances, following, information
+from tacstrip.tracking.rigid.curved import DISC, ROUNDED, RigidCurve
 from tacstrip.tracking.rigid.offsets import not_ruled_out, with_offsets
 from tacstrip.tracking.rigid.posterior import scatter
 from tacstrip.tracking.rigid.rivals import beside_rivals, poses_beside_rivals, with_a_corner_cut
@@ -38,6 +40,7 @@ _NOT_RIGID = (
     "no rigid outline explains all scans: {times:.3g} times the noise is left over; the object deforms or rolls, two "
     "are taken for one, or the noise is larger than given: read the scans one by one (`single`)"
 )
+_MANY_STRAYS, _NAMED = 0.05, 4  # of the readings: more make a track likely at best; how many are named
 _STRAINED = 16.3  # chi square of three degrees of freedom, which noise exceeds in one of 1000 tracks
 _STRAINS = (
     "a rigid outline explains the scans, but one that strains more and more explains them better, by {gain:.3g} in chi "
@@ -80,12 +83,15 @@ _WANDERS = (
     "errors of channels follow each other from scan to scan: many scans are worth fewer, and a corner may be made of "
     "such errors; regions of the shape are {times:.2g} times as wide. Calibrate, or let the unit warm up"
 )
+_STRAYS = "{n} of {total} readings do not fit the others and were left out ({named}): run the doctor if that goes on"
 _SHORT = "{n} scans show it, too few for a shape over time: the outline is that of the scan that tells most"
 _LOOKS_ALIKE = "another that it shared strips with looks like it: after they parted each may be the other"
 
 
 def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | None) -> Track:
     """Return what is known of an object over time."""
+    if one.curve is not None:
+        return _curve_over_time(one, one.curve, len(scans), read)
     fit, skin, total = one.found.fit, read.skin, len(scans)
     sensor = skin.sensor
     if _signed_area(fit.corners) < 0.0:
@@ -114,15 +120,15 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
     poses[:, 0] += skin.span.start * sensor.pitch_mm
     poses[:, 2] = less_than_half_turns(poses[:, 2])
     advice, note, alone = "", "", None
-    explained = content(one.scans, fit, read.distribution)
+    rigid = content(one.scans, fit, read.distribution)
     if one.scans.strips_touched < LEAST_STRIPS and not one.shared:
         advice = _SMALL
-    elif not explained:
+    elif not rigid:
         times = math.sqrt(fit.cost / fit.freedom(one.scans))
         advice = _NOT_RIGID.format(times=times)
     elif (gain := _strain_gain(one)) > _STRAINED:
-        explained, advice = False, _STRAINS.format(gain=gain)
-    if not explained:
+        rigid, advice = False, _STRAINS.format(gain=gain)
+    if not rigid:
         alone = SingleScans(scans, dict(zip(one.shown, one.runs, strict=True)), sensor, noise)
     concave, few = bool(reflex(outline).any()), one.scans.strips_touched < FEW_STRIPS
     loosest = math.sqrt(float(shape.diagonal().reshape(-1, 2).sum(axis=1).max()))
@@ -154,14 +160,76 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
     more_advice = (
         [_LOOKS_ALIKE] if one.alike and parted and not one.shared else [m.advice for m in one.shared]
     )
+    strays, many = _strays(one, read)
+    note = "; ".join(filter(None, [note, strays * many]))
     advice = "; ".join(dict.fromkeys(filter(None, [advice, *more_advice])))
     others = tuple(Alternative(weight, _turned(o - middle, angle)) for o, weight in one.found.others)
     status: Status = "doubtful" if advice else "likely" if note else "ok"
+    said = "; ".join(filter(None, [advice or note, "" if many else strays]))
     joint = tuple(sorted({*one.joint, *(s for more in one.shared for s in more.joint)}))
     return Track(
-        0, outline, shape, poses, spreads, np.empty(0), np.empty(0), status, advice or note, () if told else others,
-        joint, _motion(fit), _offsets(one, skin), alone,
+        0, outline, shape, poses, spreads, np.empty(0), np.empty(0), status, said,
+        () if told else others, joint, _motion(fit), _offsets(one, skin), alone,
     )  # fmt: skip
+
+
+def _curve_over_time(one: Object, curve: RigidCurve, total: int, read: Readings) -> Track:
+    """Return what is known of a curved object: a disc has no angle, and half a turn is none of an ellipse."""
+    skin, order, fit = read.skin, np.argsort(one.shown), curve.fit
+    shape, of_poses = curve.covariances(one.scans, one.found.offsets)
+    wider = following(one.scans.of(order), fit.corners, fit.poses[order])
+    turns = fit.poses[order, 2]
+    turns = (
+        np.zeros(len(turns))
+        if curve.kind == DISC
+        else np.unwrap(turns, period=np.pi * (1 + (curve.kind == ROUNDED)))
+    )
+    middle, first, own = fit.corners.mean(axis=0), float(turns[0]), fit.poses.copy()
+    own[order, 2] = turns
+    poses, spreads = np.full((total, 3), np.nan), np.full((total, 3, 3), np.nan)
+    poses[one.shown], spreads[one.shown] = _reframed(own, of_poses, middle, first)
+    poses[:, 0] += skin.span.start * skin.sensor.pitch_mm
+    outline = _turned(fit.corners - middle, first)
+    spin = np.kron(np.eye(len(outline)), _turned(np.eye(2), first).T)
+    shape = np.asarray(wider**2 * spin @ shape @ spin.T)
+    loosest = math.sqrt(float(shape.diagonal().reshape(-1, 2).sum(axis=1).max()))
+    unsure = max(TOLD * skin.sensor.pitch_mm, _MAY_BE_OFF * float(np.ptp(outline, axis=0).max()))
+    advice = ""
+    if _DEVIATIONS * loosest > unsure:
+        advice = _LOOSE.format(far=_DEVIATIONS * loosest)
+    elif _hardly_moved(one, outline, poses[np.isfinite(poses[:, 0])]):
+        advice = _HARDLY_MOVED.format(n=len(one.shown))
+    strays, many = _strays(one, read)
+    note = "; ".join([_WANDERS.format(times=wider)] * (wider > 1.0) + [strays] * many)
+    status: Status = "doubtful" if advice else "likely" if note else "ok"
+    said = "; ".join(filter(None, [advice or note, "" if many else strays]))
+    return Track(
+        0, outline, shape, poses, spreads, np.empty(0), np.empty(0), status, said, (), tuple(one.joint),
+        offsets=_offsets(one, skin), kind=curve.kind,
+    )  # fmt: skip
+
+
+def _strays(one: Object, read: Readings) -> tuple[str, bool]:
+    """Name the readings that were set aside with which no pose explains a scan; whether they are too many."""
+    fit, skin = one.curve.fit if one.curve else one.found.fit, read.skin
+    k = Episode(one.shown, one.runs).readings(read.k, skin.span)
+    out = np.argwhere(np.isfinite(k) & ~np.isfinite(one.scans.k))
+    if not len(out):
+        return "", False
+    scan, one_by_one, offsets = out[:, 0], one.scans.of(out[:, 0]), one.found.offsets
+    one_by_one.k[np.arange(len(out)), out[:, 1], out[:, 2]] = (k - (offsets.values if offsets else 0.0))[
+        *out.T
+    ]
+    put_back = posed(one_by_one, Fit(fit.corners, fit.poses[scan], fit.costs[scan]))
+    out = out[~explained(put_back.costs, one_by_one.readings)]
+    named = []
+    for t, s, i in out:
+        strip = (i + skin.span.start) % skin.sensor.strips + skin.sensor.strip_base
+        named.append(f"scan {one.shown[t]}: {SIGNATURES[one.scans.names[s]].symbol} of strip {strip}")
+    total = int(np.isfinite(k).sum())
+    which = ", ".join(named[:_NAMED]) + ", ..." * (len(named) > _NAMED)
+    words = _STRAYS.format(n=len(named), total=total, named=which) if named else ""
+    return words, len(named) > _MANY_STRAYS * total
 
 
 def _strain_gain(one: Object) -> float:

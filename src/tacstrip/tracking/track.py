@@ -25,7 +25,6 @@ from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.episodes import Episode, episodes, spanned
 from tacstrip.tracking.objects import Object, Readings, Skin
 from tacstrip.tracking.result import STANDS, Track
-from tacstrip.tracking.rigid.search import content
 from tacstrip.tracking.stretches import explained_too, searched, with_stretches
 from tacstrip.tracking.summary import of_one_scan, summarised
 from tacstrip.tracking.together import together
@@ -99,7 +98,10 @@ def track(scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None) -> 
     # a scan that touches only strips whose other channel is left out lacks a signature that others have
     names = tuple(name for name in own if any(np.isfinite(scan.reading(name)).any() for scan in read)) or own
     noise = sensor.noise if noise is None else noise
-    sigma = None if noise is None else max(fit_sigma(noise, sensor, Averaging.of(read[0])), FLOOR)
+    sigma = None
+    if noise is not None:  # strays are set aside
+        steady = replace(noise, strays=0.0, stray_size=0.0)
+        sigma = max(fit_sigma(steady, sensor, Averaging.of(read[0])), FLOOR)
 
     def of_lines(lines: list[Scan], thin: Sensor) -> list[Track]:
         return _tracked(lines, thin, noise, sigma, names)
@@ -137,7 +139,7 @@ def _tracked(
         one = left.pop(0)
         hurried = readings.followable and not any(e.joint for e in one.group)
         seen = searched(one, readings, thorough=not hurried)
-        if seen is None or not content(seen.scans, seen.found.fit, distribution):
+        if seen is None or not seen.explained(distribution):
             unlike.append(one)
             tried[id(one)] = seen
         else:

@@ -223,7 +223,7 @@ def _fewer(scans: RigidScans, fit: Fit) -> Fit | None:
         return None
     unsure = not_sure(scans, fit, information(scans, fit.corners, fit.poses))
     tries = [without(scans, fit, int(i), 8) for i in unsure]
-    for corners in _edges_removed(fit.corners)[:_TRIED]:
+    for corners in edges_removed(fit.corners)[:_TRIED]:
         rough = fitted(scans, corners, fit.poses, 8, cauchy=8.0, basis=fit.basis)
         if rough.cost < fit.cost + _SURE * _price(scans):
             tries.append(rough)
@@ -264,7 +264,7 @@ def corners_cut(corners: FloatArray) -> list[FloatArray]:
     return found
 
 
-def _edges_removed(corners: FloatArray) -> list[FloatArray]:
+def edges_removed(corners: FloatArray) -> list[FloatArray]:
     """Return outlines without an edge, whose neighbours go on until they meet; those first that change least."""
     found: list[tuple[float, FloatArray]] = []
     for i in range(len(corners)):

@@ -79,6 +79,22 @@ def information(scans: RigidScans, corners: FloatArray, poses: FloatArray) -> Eq
     return found
 
 
+def of_numbers(found: Equations, by: FloatArray) -> Equations:
+    """Return the equations of numbers that the corners follow, `by` (2 N, P), in place of those of the corners.
+
+    Offsets of channels after the corners stay.
+    """
+    size, numbers = by.shape
+    linear = np.zeros((len(found.shape), len(found.shape) - size + numbers))
+    linear[:size, :numbers], linear[size:, numbers:] = by, np.eye(len(found.shape) - size)
+    return replace(
+        found,
+        mixed=found.mixed @ linear,
+        shape=linear.T @ found.shape @ linear,
+        shape_slope=linear.T @ found.shape_slope,
+    )
+
+
 def without_poses(
     found: Equations, basis: FloatArray | None, damping: float = 0.0
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:

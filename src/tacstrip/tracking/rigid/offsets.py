@@ -9,7 +9,7 @@ import numpy as np
 from tacstrip.arrays import FloatArray
 from tacstrip.core.rigid import Equations, RigidScans, linearised_blocks
 from tacstrip.tracking.rigid.corners import FEWEST, Fit, faintest, fitted, not_sure, without
-from tacstrip.tracking.rigid.covariance import UPRIGHT, information, without_poses
+from tacstrip.tracking.rigid.covariance import UPRIGHT, information, of_numbers, without_poses
 
 _FEWEST = 12  # scans that tell an offset from a shape
 _FIRST, _LEAST, _MOST = 0.002, 0.0003, 0.01  # deviation of offsets [Vref]: the first guess, and its limits
@@ -88,11 +88,16 @@ def channel_offsets(
 
 
 def _alone(
-    scans: RigidScans, fit: Fit, values: FloatArray, deviation: float
+    scans: RigidScans, fit: Fit, values: FloatArray, deviation: float, by: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the equations of offsets of channels that are read, corners and poses following: matrix and slope."""
+    """Return the equations of offsets of channels that are read, corners and poses following: matrix and slope.
+
+    `by` (2 N, P): corners follow as few numbers.
+    """
     size, rest = fit.corners.size, replace(scans, k=scans.k - values)
     found = with_offsets(rest, fit, information(rest, fit.corners, fit.poses), deviation)
+    if by is not None:
+        found, size = of_numbers(found, by), by.shape[1]
     slope = found.shape_slope.copy()
     slope[size:] -= values.ravel()[scans.channels] / deviation**2
     matrix, slope, _, _ = without_poses(replace(found, shape_slope=slope), fit.basis, _DAMPING)
@@ -102,14 +107,15 @@ def _alone(
     return known_of, slope[size:] - matrix[size:, :size] @ outline[:, -1]
 
 
-def not_ruled_out(scans: RigidScans, fit: Fit) -> float:
+def not_ruled_out(scans: RigidScans, fit: Fit, by: FloatArray | None = None) -> float:
     """Return the deviation of offsets that the readings neither ask for nor rule out [Vref]; 0: they rule them out.
 
     Regions must allow for offsets of such a size. Of too few scans they are not asked for, and count as ruled out.
+    `by` (2 N, P): the corners follow as few numbers.
     """
     if len(scans.k) < _FEWEST:
         return 0.0
-    known_of, asked = _alone(scans, fit, np.zeros(scans.k.shape[1:]), _FIRST)
+    known_of, asked = _alone(scans, fit, np.zeros(scans.k.shape[1:]), _FIRST, by)
     price = float(np.linalg.slogdet(_FIRST**2 * known_of)[1])
     return _FIRST if float(asked @ np.linalg.solve(known_of, asked)) - price > _RULED_OUT else 0.0
 

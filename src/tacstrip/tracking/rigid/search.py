@@ -72,10 +72,14 @@ _RANDOM_SCANS = 40
 
 def content(scans: RigidScans, fit: Fit, distribution: str) -> bool:
     """Whether the fit leaves no more of the readings than noise does, or hardly more where they are very many."""
-    freedom = fit.freedom(scans)
+    return within_noise(fit.costs, fit.freedom(scans), distribution)
+
+
+def within_noise(costs: FloatArray, freedom: int, distribution: str) -> bool:
+    """Whether what scans cost (T,) is what noise of so many degrees of freedom costs."""
     return (
-        fit.cost <= _HARDLY_MORE * freedom
-        or chi_square_score(np.sqrt(fit.costs), freedom, distribution) <= _ALARM
+        float(costs.sum()) <= _HARDLY_MORE * freedom
+        or chi_square_score(np.sqrt(costs), freedom, distribution) <= _ALARM
     )
 
 

@@ -1,0 +1,266 @@
+"""Discs, ellipses and rounded polygons in many scans: few numbers explain what no count of corners fits well."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import shapely
+
+from tacstrip.arrays import FloatArray, IntArray
+from tacstrip.core.binding import Loss
+from tacstrip.core.rigid import RigidScans, equations, fit_poses, loss, reduced
+from tacstrip.tracking.rigid.corners import FEWEST, PLACES, Fit, edges_removed, reflex
+from tacstrip.tracking.rigid.covariance import information, of_numbers
+from tacstrip.tracking.rigid.offsets import Offsets, not_ruled_out, with_offsets
+from tacstrip.tracking.rigid.search import within_noise
+from tacstrip.tracking.rigid.smooth_path import centres
+
+DISC, ELLIPSE, ROUNDED = "disc", "ellipse", "rounded"
+_POINTS, _OF_ARCS = 60, 36  # that draw an oval, and all arcs together
+_ANGLES = 6  # of half a turn, at which a scan's pose is looked for
+_MOST_ROUNDED, _TRIED, _ROUND = (
+    6,
+    2,
+    0.1,
+)  # corners that are rounded; of ways to fewer; radius at first, of the size
+_STEPS, _DAMPING, _EASED, _HOPELESS = 25, 1e-3, 6.0, 1e6
+_TOLERANCE, _CAUCHY = 0.02, 3.0  # of the larger half-axis, while it is only roughly known
+_PRICE = 4.0  # of the criterion: what an outline that is no polygon has to gain
+_TELLING = 3.0  # standard deviations by which numbers lower chi square more than noise lets them
+_ENOUGH = 1e-4  # of the cost: a smaller gain ends a descent
+_LOOKED_AT, _HOPE = 6, 4.0  # steps after which a descent goes on only below so many times its readings
+
+
+@dataclass(frozen=True, eq=False)
+class RigidCurve:
+    """A curved outline, drawn by corners, and its poses.
+
+    Attributes
+    ----------
+    kind
+        "disc", "ellipse" or "rounded".
+    numbers
+        Its radius, its half-axes along x and y, or the radius and the centres of its arcs (P,) [mm].
+    poses, costs
+        Of every scan (T, 3) and (T,).
+    """
+
+    kind: str
+    numbers: FloatArray
+    poses: FloatArray
+    costs: FloatArray
+
+    @property
+    def fit(self) -> Fit:
+        """The drawn outline and its poses."""
+        return Fit(_drawn(self.kind, self.numbers)[0], self.poses, self.costs)
+
+    @property
+    def angles(self) -> int:
+        """Scans that have an angle: none of a disc has."""
+        return 0 if self.kind == DISC else len(self.poses)
+
+    @property
+    def shape_numbers(self) -> int:
+        """Numbers of its shape; moved and turned, arcs are the same."""
+        return len(self.numbers) - (3 if self.kind == ROUNDED else 0)
+
+    def criterion(self, scans: RigidScans) -> float:
+        """Return what it is compared by with polygons: `Fit.criterion`."""
+        places = PLACES * (len(self.numbers) // 2) if self.kind == ROUNDED else 0.0
+        return float(self.costs.sum()) + (3.0 + self.shape_numbers) * math.log(scans.readings.sum()) + places
+
+    def freedom(self, scans: RigidScans) -> int:
+        """Return the readings beyond the numbers fitted."""
+        return max(int(scans.readings.sum()) - 2 * len(self.poses) - self.angles - self.shape_numbers, 1)
+
+    def covariances(self, scans: RigidScans, offsets: Offsets | None) -> tuple[FloatArray, FloatArray]:
+        """Return the covariances of the drawn corners (2 N, 2 N) [mm^2] and of the poses (T, 3, 3).
+
+        `offsets`: that were taken off the channels; without, those that the readings do not rule out are allowed for.
+        """
+        fit, by = self.fit, _drawn(self.kind, self.numbers)[1]
+        found = information(scans, fit.corners, self.poses)
+        deviation = offsets.upper if offsets else not_ruled_out(scans, fit, by)
+        if deviation:
+            found = with_offsets(scans, fit, found, deviation)
+        found = of_numbers(found, by)
+        own, mixed = found.pose.copy(), found.mixed.copy()
+        if self.kind == DISC:  # what tells an angle are the corners that draw it
+            own[:, 2] = own[:, :, 2] = mixed[:, 2] = 0.0
+        own[:, 2, 2] += 12.0 / math.pi**2  # of half a turn nothing is known before
+        inverse = np.linalg.inv(own)
+        follow = inverse @ mixed
+        known = found.shape - np.einsum("tip,tiq->pq", mixed, follow)
+        value, vector = np.linalg.eigh(known)
+        free = len(self.numbers) - self.shape_numbers  # moved and turned it is the same
+        spread = vector[:, free:] / value[free:] @ vector[:, free:].T
+        own_numbers = spread[: len(self.numbers), : len(self.numbers)]
+        return by @ own_numbers @ by.T, inverse + follow @ spread @ follow.transpose(0, 2, 1)
+
+
+def rigid_curve(scans: RigidScans, start: Fit, chosen: IntArray, distribution: str) -> RigidCurve | None:
+    """Return the curved outline that explains the scans better than a polygon does; None where none does.
+
+    Parameters
+    ----------
+    scans, start
+        All of them, and the polygon that explains them best: its poses are about right.
+    chosen
+        Scans that the outline is fitted to (K,); the others have their poses fitted.
+    distribution
+        Of the readings' errors.
+    """
+    explained = within_noise(start.costs, start.freedom(scans), distribution)
+    tries = [_rounded(scans, start, chosen, explained)]
+    if len(start.corners) >= _MOST_ROUNDED or not explained:
+        tries.append(_oval(scans, start, chosen))
+
+    def believed(one: RigidCurve) -> bool:
+        worse = float(one.costs.sum()) - start.cost
+        simpler = one.criterion(scans) < start.criterion(scans) - _PRICE
+        simpler &= not _lower(worse, max(start.corners.size - 3 - one.shape_numbers, 1))
+        return within_noise(one.costs, one.freedom(scans), distribution) and (simpler or not explained)
+
+    good = [one for one in tries if one is not None and believed(one)]
+    return min(good, key=lambda one: one.criterion(scans), default=None)
+
+
+def _lower(gain: float, numbers: int) -> bool:
+    """Whether so many numbers more lower chi square by more than noise lets them."""
+    return gain > numbers + _TELLING * math.sqrt(2.0 * numbers)
+
+
+def _rounded(scans: RigidScans, start: Fit, chosen: IntArray, explained: bool) -> RigidCurve | None:
+    """Return the best polygon of round corners; of ever fewer ones, as a corner may stand for a part of an arc."""
+    best, corners = None, start.corners
+    if reflex(corners).any():
+        return None
+    if _signed_area(corners) < 0.0:
+        corners = corners[::-1]
+    while True:
+        if len(corners) <= _MOST_ROUNDED:
+            radius = _ROUND * float(np.ptp(corners, axis=0).max())
+            inner = shapely.Polygon(corners).buffer(-radius, join_style="mitre")
+            ring = shapely.get_coordinates(inner)[:-1] if inner.geom_type == "Polygon" else corners[:0]
+            if len(ring) == len(corners):
+                centres_of_arcs = ring if _signed_area(ring) > 0.0 else ring[::-1]
+                numbers = np.concatenate([[radius], centres_of_arcs.ravel()])
+                one = _descended(scans, RigidCurve(ROUNDED, numbers, start.poses, start.costs), chosen)
+                if one.numbers[0] > 0.0 and (best is None or one.criterion(scans) < best.criterion(scans)):
+                    best = one
+                elif best is not None:
+                    return best
+        if len(corners) == FEWEST:
+            return best
+        fewer = edges_removed(corners)
+        if not fewer:
+            return best
+        corners = fewer[0]
+
+
+def _oval(scans: RigidScans, start: Fit, chosen: IntArray) -> RigidCurve:
+    """Return the disc or ellipse that explains the scans best."""
+    middle, half, angle = _moments(start.corners)
+    cos, sin = np.cos(start.poses[:, 2]), np.sin(start.poses[:, 2])
+    turned = np.stack([cos * middle[0] - sin * middle[1], sin * middle[0] + cos * middle[1]], axis=1)
+    poses = np.column_stack([start.poses[:, :2] + turned, start.poses[:, 2] + angle])
+    ellipse = _descended(scans, RigidCurve(ELLIPSE, half, poses, start.costs), chosen)
+    radius = np.array([math.sqrt(half.prod())])
+    disc = _descended(scans, RigidCurve(DISC, radius, ellipse.poses, start.costs), chosen)
+    return ellipse if _lower(float(disc.costs.sum() - ellipse.costs.sum()), ellipse.angles + 1) else disc
+
+
+def _descended(scans: RigidScans, one: RigidCurve, chosen: IntArray) -> RigidCurve:
+    """Return where a descent of an outline and its poses ends, poses of an oval looked for at all angles."""
+    few, poses = scans.of(chosen), one.poses
+    if one.kind != ROUNDED:
+        soft = loss(scans, _TOLERANCE * float(one.numbers.max()), _CAUCHY)
+        one = replace(one, numbers=_descent(few, replace(one, poses=poses[chosen]), soft).numbers)
+        poses = _looked_for(scans, _drawn(one.kind, one.numbers)[0], poses, soft)
+    numbers = _descent(few, replace(one, poses=poses[chosen]), loss(scans)).numbers
+    corners = _drawn(one.kind, numbers)[0]
+    settled, costs = fit_poses(scans, corners, poses[:, None], loss(scans), _STEPS)
+    return replace(one, numbers=numbers, poses=settled[:, 0], costs=costs[:, 0])
+
+
+def _descent(scans: RigidScans, now: RigidCurve, how: Loss) -> RigidCurve:
+    """Return where Levenberg and Marquardt's descent of numbers and poses ends."""
+    damping, found, by = _DAMPING, None, np.empty(0)
+    for i in range(_STEPS):
+        if i == _LOOKED_AT and now.costs.sum() > _HOPE * scans.readings.sum():
+            break
+        if found is None:
+            corners, by = _drawn(now.kind, now.numbers)
+            found = equations(scans, corners, now.poses, how)
+            now = replace(now, costs=found.costs)
+        followed = of_numbers(found, by)
+        matrix, slope, inverse = reduced(followed, damping, 0.0)
+        step = np.linalg.solve(matrix, slope)
+        turn = np.einsum("tpq,tq->tp", inverse, found.pose_slope - followed.mixed @ step)
+        trial = replace(now, numbers=now.numbers + step, poses=now.poses + turn)
+        costs = equations(scans, _drawn(now.kind, trial.numbers)[0], trial.poses, how).costs
+        gain = float(now.costs.sum() - costs.sum())
+        if gain > 0.0:
+            now, found, damping = replace(trial, costs=costs), None, damping / _EASED
+            if gain < _ENOUGH * costs.sum():
+                break
+        else:
+            damping *= _EASED
+            if damping > _HOPELESS:
+                break
+    return now
+
+
+def _looked_for(scans: RigidScans, corners: FloatArray, poses: FloatArray, how: Loss) -> FloatArray:
+    """Return poses (T, 3) after descents from about them and from the contact's middle, at all angles."""
+    starts = np.repeat(poses[:, None], 2 * _ANGLES, axis=1)
+    starts[:, :, 2] += np.arange(2 * _ANGLES) * math.pi / _ANGLES
+    starts[:, _ANGLES:, :2] = centres(scans)[0][:, None]
+    tried, costs = fit_poses(scans, corners, starts, how)
+    return np.asarray(tried[np.arange(len(poses)), costs.argmin(axis=1)])
+
+
+def _drawn(kind: str, numbers: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the corners (N, 2) that draw an outline, and how their entries follow its numbers (2 N, P).
+
+    An oval's hold its area. Arcs go from the normal of one straight edge to that of the next.
+    """
+    if kind == ROUNDED:
+        arcs = numbers[1:].reshape(-1, 2)
+        edge = np.roll(arcs, -1, axis=0) - arcs
+        normal = np.arctan2(-edge[:, 0], edge[:, 1])
+        first = np.roll(normal, 1)
+        each = _OF_ARCS // len(arcs)
+        turn = (normal - first) % (2.0 * np.pi)
+        angle = np.asarray(first[:, None] + turn[:, None] * np.linspace(0.0, 1.0, each), dtype=np.float64)
+        out = np.stack([np.cos(angle), np.sin(angle)], axis=-1).reshape(-1, 2)
+        centre = np.kron(np.repeat(np.eye(len(arcs)), each, axis=0), np.eye(2))
+        by = np.column_stack([out.ravel(), centre])
+    else:
+        step = 2.0 * math.pi / _POINTS
+        angle = np.asarray(step * np.arange(_POINTS), dtype=np.float64)
+        weight = math.sqrt(step / math.sin(step)) * np.column_stack([np.cos(angle), np.sin(angle)])
+        by = np.zeros((2 * _POINTS, len(numbers)))
+        by[np.arange(2 * _POINTS), np.arange(2 * _POINTS) % len(numbers)] = weight.ravel()
+    return (by @ numbers).reshape(-1, 2), by
+
+
+def _moments(corners: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+    """Return centroid, half-axes (2,) and angle of the ellipse with the moments of an outline (N, 2)."""
+    after = np.roll(corners, -1, axis=0)
+    cross = corners[:, 0] * after[:, 1] - after[:, 0] * corners[:, 1]
+    area = 0.5 * cross.sum()
+    middle = np.asarray(((corners + after) * cross[:, None]).sum(axis=0) / (6.0 * area), dtype=np.float64)
+    a, b = corners - middle, after - middle
+    over = np.asarray(a[:, 0] * b[:, 1] - b[:, 0] * a[:, 1], dtype=np.float64)
+    both = sum(np.einsum("n,ni,nj->ij", over, v, v) for v in (a, b, a + b))
+    value, vector = np.linalg.eigh(both / (24.0 * area))
+    return middle, 2.0 * np.sqrt(np.maximum(value[::-1], 1e-9)), math.atan2(vector[1, 1], vector[0, 1])
+
+
+def _signed_area(corners: FloatArray) -> float:
+    x, y = corners.T
+    return float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum()) / 2.0
