@@ -21,7 +21,7 @@ _UNTOUCHED = re.compile(r"(?:touch\w*|contact|press\w*|active)\W{1,3}(?:false|no
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 # Of what stands for no contact, an "x" may stand between letters, as in "HxLx".
 _NOTHING = (
-    r"(?<![^\s,;|/:=(\[{<>])(?:(?<!<)-{1,2}(?!>)|-{3,5}|\*{1,5}|_{1,5}|\.{1,5}|(?![A-Z]x)[A-Za-z]+(?:/[A-Za-z]+)?)"
+    r"(?<![^\s,;|/:=(\[{<>])(?:(?<!<)-{1,2}(?!>)|-{3,5}|\*{1,5}|_{1,5}|\.{1,5}|[nN]/[aA]|(?![A-Z]x)[A-Za-z]+)"
     r"(?![^\s,;|/:)\]}>])|(?<=[A-Z])x(?=[A-Z\s,;|]|\Z)"
 )
 _TOKEN = re.compile(

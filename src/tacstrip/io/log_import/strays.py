@@ -249,9 +249,9 @@ def _of_lost_names(table: Table, above: list[int], texts: dict[int, str]) -> lis
 
 
 def _shape(line: str) -> tuple[str, int]:
-    """Return what separates the fields of a line that begins with a number, and how often; 0 of another line."""
+    """Return what separates the fields of a line that begins with a number or a tag, and how often; 0 of another."""
     by = next((mark for mark in "\t;|, " if mark in line.strip()), "")
-    return by, line.count(by) if by and re.match(r"\W*\d", line) else 0
+    return by, line.count(by) if by and re.match(r"\W*\d|[$@!]?\w+[,;\t|]", line) else 0
 
 
 def _is_row_of_numbers(line: str, columns: int) -> bool:

@@ -84,7 +84,8 @@ def with_time(clues: Clues, mapping: ColumnMapping, found: Columns) -> ColumnMap
     unit = clues.choice("time_unit", (*TIME_UNITS, *CLOCKS)) or _unit_of_name(clues, found)
     mapping = replace(mapping, time_unit=unit or "s")
     times = raw_times(clues.table, mapping)
-    if not unit and (since := [u for u, s in _EPOCHS.items() if s <= abs(times[0]) <= 2.2 * s]):
+    too_late = "time_unit" not in clues.answers and unit in TIME_UNITS and times[0] * TIME_UNITS[unit] > 2.2e9
+    if (not unit or too_late) and (since := [u for u, s in _EPOCHS.items() if s <= abs(times[0]) <= 2.2 * s]):
         clues.because(f"{found.time}: {since[0]} since 1970")
         unit = since[0]
     steps = np.diff(times)

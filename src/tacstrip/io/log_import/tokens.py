@@ -32,7 +32,7 @@ def _pattern(decimal: str) -> re.Pattern[str]:
     return re.compile(
         rf"(?P<time>(?<![\w.])(?:{STAMP}|(?:{_DATE})(?:[T ]{_OF_DAY})?|{_OF_DAY})(?![\w]))"
         rf"|(?P<hex>(?<![\w.])(?:{_HEX})(?![\w.]))"
-        rf"|(?P<value>{number}(?:\s?(?i:{_UNITS})(?![\w]))?)"
+        rf"|(?P<value>{number}(?:\s?(?!S)(?i:{_UNITS})(?![\w]))?)"
         rf"|(?P<none>{_MARKS})"
         # A cross may stand between letters, as in "HxLx".
         r"|(?P<word>[A-Z](?=x(?:[A-Z]x)*(?![^\W\d_]))|(?<=[A-Z])x(?![a-z])|[^\W\d_]+(?:/[^\W\d_]+)*)"
@@ -137,6 +137,7 @@ def kinds_of_rows(lines: Sequence[Line]) -> list[list[Line]]:
 
     Words in the place of a value, and remarks behind all else, are of the form without them.
     """
+    lines = _with_marks(lines)
     many = Counter(line.form for line in lines)
     forms = [f for f, often in many.items() if often >= _FEW and VALUE in f]
     forms.sort(key=lambda f: -many[f] * f.count(VALUE))
@@ -146,6 +147,33 @@ def kinds_of_rows(lines: Sequence[Line]) -> list[list[Line]]:
         if not any({r.number for r in rows} <= {r.number for r in other} for other in found):
             found.append(rows)
     return found
+
+
+def _with_marks(lines: Sequence[Line]) -> list[Line]:
+    """Return lines with a value for each word that stands in many lines where others of the same form have one."""
+    alike: dict[str, list[Line]] = {}
+    for line in lines:
+        alike.setdefault(line.form.replace(WORD, VALUE), []).append(line)
+    often: Counter[str] = Counter()
+    for group in alike.values():
+        for symbols, texts in zip(
+            zip(*(g.form for g in group), strict=True),
+            zip(*(g.texts for g in group), strict=True),
+            strict=True,
+        ):
+            if {*symbols} == {WORD, VALUE}:
+                often.update(text for symbol, text in zip(symbols, texts, strict=True) if symbol == WORD)
+    marks = {text for text, many in often.items() if many >= _FEW}
+    return [
+        replace(
+            line,
+            form="".join(
+                VALUE if symbol == WORD and text in marks else symbol
+                for symbol, text in zip(line.form, line.texts, strict=True)
+            ),
+        )
+        for line in lines
+    ]
 
 
 def _as_of(line: Line, form: str) -> Line | None:
