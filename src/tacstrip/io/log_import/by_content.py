@@ -436,7 +436,7 @@ def _table(
         counts = {*steps.tolist()} <= {0.0, 1.0}
         role = (
             said.role
-            if said.role in ("time", "scan")
+            if said.role == "time" or (said.role == "scan" and not in_field)
             else "scan"
             if counts and not (in_field or own)
             else "time"

@@ -69,11 +69,11 @@ def _with_first_as_time(parsed: list[tuple[int, list[Item]]]) -> list[tuple[int,
 def _shared(parsed: list[tuple[int, list[Item]]], stamps: Mapping[int, str]) -> Mapping[int, str]:
     """Return the stamps before lines if those of one scan have one; else none."""
     of_strips = [
-        (stamps[i], (said.strip, said.channel))
+        (stamps[i], (numbers[-1], item.name))
         for i, found in parsed
         if i in stamps
         for item in found
-        if (said := meaning(item.name)).strip is not None
+        if (numbers := re.findall(r"\d+", item.name))
     ]
     times, keys = [t for t, _ in of_strips], [key for _, key in of_strips]
     return stamps if are_of_one_time(times, keys) else {}
@@ -149,6 +149,9 @@ def _gathered(
     void: list[
         tuple[int, int, dict[str, str]]
     ] = []  # scans without a line: before which record, line, labels
+    timed: list[
+        tuple[int, int, dict[str, str]]
+    ] = []  # the same, of lines that only have a time, as a cut one may
 
     def flush() -> None:
         nonlocal record, parts
@@ -183,10 +186,7 @@ def _gathered(
         if heading and not alone and {*heading} <= {*told} and any(told[n] != labels[n] for n in heading):
             # The lines below have a time of their own, another one.
             at = min(heading.values())
-            if _says_no_contact(texts[at]):
-                void.append((len(records), at, dict(labels)))
-            else:
-                strange.append(at)
+            (void if _says_no_contact(texts[at]) else timed).append((len(records), at, dict(labels)))
             heading = {}
         if anew := [n for n in told if n in heading and alone]:
             void.append((len(records), heading[anew[0]], dict(labels)))
@@ -223,8 +223,11 @@ def _gathered(
         last = (len(records), min(heading.values()), dict(labels))
         ended = parsed[-1][0] > max(heading.values()) or (void and void[-1][0] == len(records))
         ended = ended or _says_no_contact(texts[last[1]])
-        void += [last] if ended else []  # else it may be cut
-        strange += [] if ended else [last[1]]
+        (void if ended else timed).append(last)  # it may be cut
+    if len(timed) > 1:
+        void = sorted([*void, *timed], key=lambda one: one[1])
+    else:
+        strange += [line for _, line, _ in timed]
     if void and varied:
         for place, line, told in reversed(void):
             records.insert(place, dict(told))

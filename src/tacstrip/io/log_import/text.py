@@ -109,8 +109,11 @@ def of_text(text: str, path: str | Path = "the log") -> Table:
 
 
 def _with_one_mark(text: str) -> str:
-    """Return a text with "#" before the remarks that it begins with, whatever mark these have."""
+    """Return a text with "#" before the remarks that it begins with, whatever their mark, and no ">" before lines."""
     lines = text.split("\n")
+    filled = [line for line in lines if line.strip() and not _REMARK.match(line)]
+    if sum(line.startswith("> ") for line in filled) > STEADY * len(filled):
+        lines = [line.removeprefix("> ") for line in lines]
     mark = next((m[1] for line in lines if (m := _REMARK.match(line))), "")
     for n, line in enumerate(lines):
         if line.strip() and not (mark and line.startswith(mark) and _REMARK.match(line)):

@@ -35,7 +35,7 @@ def _pattern(decimal: str) -> re.Pattern[str]:
         rf"|(?P<value>{number}(?:\s?(?!S)(?i:{_UNITS})(?![\w]))?)"
         rf"|(?P<none>{_MARKS})"
         # A cross may stand between letters, as in "HxLx".
-        r"|(?P<word>[A-Z](?=x(?:[A-Z]x)*(?![^\W\d_]))|(?<=[A-Z])x(?![a-z])|[^\W\d_]+(?:/[^\W\d_]+)*)"
+        r"|(?P<word>[A-Z](?=x(?:[A-Z]x)*(?![^\W\d_]))|(?<=[A-Z])x(?![a-z])|[nN]/[aA](?!\w)|[^\W\d_]+)"
         r"|(?P<other>\S)"
     )
 
@@ -116,7 +116,14 @@ def in_pairs(lines: Sequence[Line]) -> list[Line]:
     if not many or many.most_common(1)[0][1] < _FEW * _FEW:
         return list(lines)
     mark = many.most_common(1)[0][0]
+    if all(_is_label(line.form, mark) for line in lines if f"#{mark}#" in line.form):
+        return list(lines)
     return [_paired(line, mark) for line in lines]
+
+
+def _is_label(form: str, mark: str) -> bool:
+    """Return whether a mark only parts the first number of a line from the others, as in "5: 2.5 1.9"."""
+    return form.startswith(f"#{mark}#") and form.count(mark) == 1 and form.count(VALUE) > 2
 
 
 def _paired(line: Line, mark: str) -> Line:
