@@ -76,6 +76,7 @@ _TOPIC = re.compile(r"([A-Za-z][\w.-]*(?:/[\w.-]+)+)\s+(\S+)")
 _RULE = re.compile(r"[\s\-=+|~*_:]+")  # a line drawn below names
 _HALF_WIDTH = {c: c - 0xFEE0 for c in range(0xFF01, 0xFF5F)}  # of East Asian full-width letters and digits
 _MOST_ABOVE = 12  # lines, in which what stands for no contact may be said
+_LONG = 400  # characters of a line that may say something
 _FEW_LINES = 4  # of fewer, the length of the last number tells nothing
 _THOUSANDS = re.compile(r"(?<=\d)[\u2009\u202f\xa0](?=\d{3}(?!\d))")
 _FORTRAN = re.compile(r"(?<!\w)([-+]?(?:\d+\.\d*|\.\d+))[DdQq]([+-]\d{2,3})(?!\w)")  # double precision
@@ -94,12 +95,13 @@ _ENDLESS = re.compile(r"(?<!\w)\w{10000}|[\[({]{1000}")  # the time of many patt
 
 def of_text(text: str, path: str | Path = "the log") -> Table:
     """Return a text as a table in normal form; errors as of `read_table`."""
-    text = _with_marks_of_nothing(_with_one_mark(_LINE_END.sub("", text)))
+    text = _LINE_END.sub("", text)
     if endless := _ENDLESS.search(text):
         raise ReadingError(
             f"{path}: line {text.count(chr(10), 0, endless.start()) + 1}: {len(endless.group())} characters and more "
             f"without an end ({endless.group()[:10]}...); damaged, or no log: take them out"
         )
+    text = _with_marks_of_nothing(_with_one_mark(text))
     table = with_retries(
         text,
         lambda strays: _with_lines(_announced(text, path, strays), text),
@@ -125,7 +127,7 @@ def _with_one_mark(text: str) -> str:
 def _with_marks_of_nothing(text: str) -> str:
     """Return a text with "nan" for what remarks above it say to stand for no contact, if that is a word or a mark."""
     lines = text.split("\n")
-    told = {n: said for n, line in enumerate(lines[:_MOST_ABOVE]) if (said := untouched_said([line]))}
+    told = {n: said for n, line in enumerate(lines[:_MOST_ABOVE]) if (said := untouched_said([line[:_LONG]]))}
     words = [re.escape(w.strip("'\"")) for said in told.values() for w in said if not re.search(r"\d", w)]
     mark = re.compile(rf"(?<![^\s,;|/:=(\[{{<>~])(?:{'|'.join(words)})(?![^\s,;|/:)\]}}<>~])")
     return "\n".join(
