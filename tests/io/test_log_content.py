@@ -227,3 +227,9 @@ def test_names_that_count_down_are_not_passed_over() -> None:
         for n in N
     ]
     check(read([names, "unit = V", *rows], s="time"))
+
+
+def test_a_strip_that_is_never_logged_beside_ones_that_always_are_is_asked() -> None:
+    rows = [f"{0.1 * n:.1f},{s},{2.0 + 0.1 * s + 0.02 * n:.3f}" for n in N for s in range(4)]
+    with pytest.raises(Unanswered, match="no line for strip 4: are strips that are not there untouched"):
+        read(["t_s,strip,V_out", *rows], ROW)
