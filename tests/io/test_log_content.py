@@ -148,3 +148,88 @@ def test_a_word_for_no_contact_in_a_list_behind_a_name_shifts_no_strip(before: s
     lines = [f"@rek: {before.format(100 * n if 'ms' in before else 0.1 * n)} " for n in N]
     lines = [line + "rek " + " ".join(field(v, "x") for v in HIGH[n]) for n, line in enumerate(lines)]
     check(read(["# volts", *lines], ROW), 1)
+
+
+def touched_only(stamp: str, form: str, decimal: str = ".") -> list[str]:
+    """Lines of touched strips only, each with its scan's time: a contact that moves down begins below the last one."""
+    return [
+        f"{stamp.format(10 + 0.1 * n)} {form.format(s=s, end=end, v=f'{values[n, s]:.3f}'.replace('.', decimal))}"
+        for n in N for s in S for end, values in (("up", HIGH), ("down", LOW)) if not OPEN[n, s]
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        touched_only("[26.06.2026 18:30:{:06.3f}]", "strip{s}.{end}: {v}", ","),
+        touched_only("2026-06-26T18:30:{:06.3f}", "pad/{s}/{end} {v}"),
+        ["t,strip,end,V", *(x.replace(" ", ",") for x in touched_only("{:.1f}", "{s} {end} {v}"))],
+    ],
+    ids=["named", "paths", "table"],
+)
+def test_scans_that_share_a_time_are_parted_by_it(lines: list[str]) -> None:
+    check(read(lines))
+
+
+def in_words() -> list[str]:
+    return [
+        f"10:00:{0.1 * n:06.3f}: {end} of vako {s} is {field(values[n, s], '-')}"
+        for n in N for s in S for end, values in (("hi", HIGH), ("lo", LOW))
+    ]  # fmt: skip
+
+
+def lists() -> list[str]:
+    ends = (("hi", HIGH), ("lo", LOW))
+    return [";volts", ";OL = open"] + [
+        f"{0.1 * n:.1f} {end}: " + ", ".join(field(v, "OL") for v in values[n])
+        for n in N
+        for end, values in ends
+    ]
+
+
+def sentences() -> list[str]:
+    names = ",".join(f"H{s},L{s}" for s in S)
+    rows = [",".join(f"{field(HIGH[n, s], '*')},{field(LOW[n, s], '*')}" for s in S) for n in N]
+    return [f"# $TAC,seq,ms,{names}*checksum  volts, * = open"] + [
+        f"$TAC,{n},{100 * n},{row}*4D" for n, row in enumerate(rows)
+    ]
+
+
+def named() -> list[str]:
+    return [
+        f"> t={0.1 * n:.1f}; "
+        + "; ".join(f"S{s} (upper)={field(HIGH[n, s], '-')}; S{s} (lower)={field(LOW[n, s], '-')}" for s in S)
+        for n in N
+    ]
+
+
+@pytest.mark.parametrize(
+    "lines", [lists(), in_words(), sentences(), named()], ids=["lists", "words", "sum", "mark"]
+)
+def test_marks_and_names_are_told_by_the_log_itself(lines: list[str]) -> None:
+    check(read(lines))
+
+
+def test_strips_may_count_down() -> None:
+    check(read([
+        line for n in N for line in (
+            f"== tomi {n} {100 * n} ms",
+            *(f"  lera {s} {field(HIGH[n, s], '--')} {field(LOW[n, s], '--')}" for s in S[::-1]),
+        )
+    ]))  # fmt: skip
+
+
+def test_names_that_count_down_are_not_passed_over() -> None:
+    names = "$TAC,seq,s," + ",".join(f"{end}{s}" for end in ("upper", "lower") for s in S[::-1])
+    rows = [
+        f"$TAC,{100 + n},{0.1 * n:.1f},"
+        + ",".join(field(values[n, s], "none") for values in (HIGH, LOW) for s in S[::-1])
+        for n in N
+    ]
+    check(read([names, "unit = V", *rows], s="time"))
+
+
+def test_a_strip_that_is_never_logged_beside_ones_that_always_are_is_asked() -> None:
+    rows = [f"{0.1 * n:.1f},{s},{2.0 + 0.1 * s + 0.02 * n:.3f}" for n in N for s in range(4)]
+    with pytest.raises(Unanswered, match="no line for strip 4: are strips that are not there untouched"):
+        read(["t_s,strip,V_out", *rows], ROW)

@@ -8,10 +8,9 @@ import re
 from collections import Counter
 from dataclasses import replace
 
-from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.names import meaning, meanings
 from tacstrip.io.log_import.records import Item, is_label, items
-from tacstrip.io.log_import.table import ROW, Table
+from tacstrip.io.log_import.table import ROW, NoTableError, Table
 
 _FEW_BLOCKS = 2
 _WORDED = re.compile(
@@ -79,7 +78,7 @@ def in_blocks(table: Table, labels: dict[int, list[Item]], blank: set[int]) -> T
                 following = next(pending, None)
             columns.append(list(state.values()))
         if any("" in column for column in columns):
-            raise ReadingError(
+            raise NoTableError(
                 f"line {table.lines[0]}: no {' or '.join(keys)} above it, as there is above others"
             )
         rows = [[*column, *row] for column, row in zip(columns, rows, strict=True)]

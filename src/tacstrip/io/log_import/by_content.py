@@ -227,6 +227,7 @@ def _assignments(columns: list[Column], strips: int, channels: int) -> Iterator[
         for n in numeric
         if not columns[n].is_constant or columns[n].texts[0] in often or says_nothing(columns[n].texts[0])
     ]
+    plain = [n for n in plain if not columns[n].rises] if len(plain) > strips else plain  # as a time does
     for some in [plain] if len(plain) >= strips * channels else [numeric]:
         for size in range(channels, channels + _BETWEEN_STRIPS + 1):
             for at in range(len(some) - strips * size + 1):
@@ -240,12 +241,13 @@ def _assignments(columns: list[Column], strips: int, channels: int) -> Iterator[
         if len({*c.texts}) == 2 and (c.kind == WORD or (np.isfinite(c.numbers).all() and not c.rises))
     ]
     cycles = [n for n, c in enumerate(columns) if c.is_numeric and _are_strips(c, strips)]
+    places = () if cycles else (None,)
     values = [
         n
         for n in numeric
         if not columns[n].rises and not (columns[n].is_constant and not says_nothing(columns[n].texts[0]))
     ]
-    for strip in (*cycles, None):
+    for strip in (*cycles, *places):
         left = [n for n in values if n != strip]
         by_place = 0 if strip is not None else strips
         if channels == 1:
@@ -300,7 +302,8 @@ def _are_strips(column: Column, strips: int) -> bool:
     low, high = int(column.numbers.min()), int(column.numbers.max())
     many = len({*column.numbers.tolist()})
     return (
-        high - low < strips
+        low >= 0
+        and high - low < strips
         and many > 1
         and (low in (0, 1) or many == strips)
         and not (low == 1 and high > strips)
@@ -319,6 +322,8 @@ def _values(columns: list[Column], one: Assignment, strips: int, channels: int) 
     if one.by_place and many % strips:
         return None
     counted = one.strip is not None or one.by_place > 0
+    steps = np.diff(columns[one.strip].numbers) if one.strip is not None else np.zeros(0)
+    down = -1 if 2 * (steps < 0.0).sum() > (steps != 0.0).sum() else 1  # the last strip may stand first
     at = np.arange(many) % strips
     if one.strip is not None:
         at = columns[one.strip].numbers.astype(int)
@@ -339,7 +344,9 @@ def _values(columns: list[Column], one: Assignment, strips: int, channels: int) 
             )
             for _, k, channel in one.readings
         ]
-        falls = counted and int(at[row]) < last and (one.which is None or places[0] in seen)
+        falls = (
+            counted and down * (int(at[row]) - last) < 0 <= last and (one.which is None or places[0] in seen)
+        )
         if not scans or falls or seen & {*places}:
             scans.append(np.full((strips, channels), np.nan))
             seen = set()
@@ -429,7 +436,7 @@ def _table(
         counts = {*steps.tolist()} <= {0.0, 1.0}
         role = (
             said.role
-            if said.role in ("time", "scan")
+            if said.role == "time" or (said.role == "scan" and not in_field)
             else "scan"
             if counts and not (in_field or own)
             else "time"
@@ -452,7 +459,12 @@ def _table(
     broken = tuple(
         n
         for n, line in texts.items()
-        if n in lost or (n not in taken and _may_be_row(parted(n, line, decimal), rows[0].form))
+        if n in lost
+        or (
+            n not in taken
+            and not (n < first and line.startswith("#"))
+            and _may_be_row(parted(n, line, decimal), rows[0].form)
+        )
     )
     shown = texts[rows[0].number][:_LONG]
     told = f"line {rows[0].number} ({shown!r}) and those like it are read as {', '.join(made)}; {BY_CONTENT}"

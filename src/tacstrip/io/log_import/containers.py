@@ -29,7 +29,7 @@ from tacstrip.io.log_import.names import meanings
 from tacstrip.io.log_import.shape import in_normal_form
 from tacstrip.io.log_import.sheets import numbered_scans, of_scans, of_two_channels
 from tacstrip.io.log_import.table import Table, text_of
-from tacstrip.io.log_import.text import of_text
+from tacstrip.io.log_import.text import content_of, of_text
 
 ALL = "all"  # sheets of one form
 _MOST_UNPACKED = 2**28  # bytes
@@ -245,7 +245,21 @@ def _names_strips(table: Table) -> bool:
     return any(m.role == "strip" or m.strip is not None for m in meanings(table.names).values())
 
 
+def _from_first_column(cells: list[list[Any]]) -> list[list[Any]]:
+    """Return rows without the columns left of where all that are wide begin; a title that stands there stays."""
+    begins = [
+        next(n for n, c in enumerate(row) if text_of(c))
+        for row in cells
+        if sum(map(bool, map(text_of, row))) > 2
+    ]
+    first = min(begins, default=0)
+    return [
+        row[first:] if any(map(text_of, row[first:])) else [c for c in row if text_of(c)] for row in cells
+    ]
+
+
 def _of_cells(cells: list[list[Any]], path: str | Path) -> Table:
+    cells = _from_first_column(cells)
     written = [
         [c.strip() if isinstance(c, str) else "" for c in row] for row in cells if any(map(text_of, row))
     ]
@@ -269,7 +283,11 @@ def _of_cells(cells: list[list[Any]], path: str | Path) -> Table:
         (i, [*row[:width], *[""] * (width - len(row))])
         for i, row in enumerate(rows, 1) if numbered[0][0] <= i <= numbered[-1][0]
     ]  # fmt: skip
-    return in_normal_form(headed(split, width, ".", told))
+    text = "\n".join("\t".join(row) for row in rows)
+    return replace(
+        in_normal_form(headed(split, width, ".", told)),
+        of_content=lambda strips, channels: content_of(text, strips, channels),
+    )
 
 
 def _is_comma(text: str) -> bool:

@@ -51,6 +51,7 @@ _NAMED = re.compile(r"[^\W\d]\w*\s*[:=]")  # the name of what follows in a line
 _CHECKED = re.compile(
     r"\*(?:[\dA-Fa-f]{2}|checksum|crc|cs|xx|hh)\s*\Z", re.IGNORECASE
 )  # of a sentence as of NMEA
+_CHECK_NAMED = re.compile(r"\*(?:checksum|crc|cs|xx|hh)\b\s*", re.IGNORECASE)  # behind the names
 _ESP_IDF = re.compile(
     r"(?m)^[EWIDV] \(\d+\) [\w.-]+: "
 )  # of which the manual says that it counts milliseconds
@@ -162,8 +163,10 @@ def without_levels(lines: Lines) -> tuple[Lines, str]:
 
 def bare(lines: Lines) -> Lines:
     """Return lines without what stands around the fields of nearly all: a word, brackets, a checksum, a number."""
-    if sum(bool(_CHECKED.search(line)) for _, line in lines) > STEADY * len(lines):
-        lines = [(i, _CHECKED.sub("", line)) for i, line in lines]
+    checked = [bool(_CHECKED.search(line)) for _, line in lines if not line.lstrip().startswith("#")]
+    if sum(checked) > STEADY * len(checked):
+        parts = [(i, _CHECK_NAMED.split(_CHECKED.sub("", line), maxsplit=1)) for i, line in lines]
+        lines = [(i, part if n == 0 else f"# {part}") for i, of in parts for n, part in enumerate(of) if part]
     if sum(_FRAMED.fullmatch(line) is not None for _, line in lines) > STEADY * len(lines):
         lines = [(i, _FRAMED.sub(r"\1", line)) for i, line in lines]
     lines = _without_prefix(lines)

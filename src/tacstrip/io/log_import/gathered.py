@@ -10,9 +10,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from tacstrip.errors import ReadingError
-from tacstrip.io.log_import.fields import is_prose, says_nothing
+from tacstrip.io.log_import.fields import STAMP, is_prose, number_of, says_nothing
 from tacstrip.io.log_import.names import meaning
 from tacstrip.io.log_import.records import LABELS, STEADY, Item, is_label, items
+from tacstrip.io.log_import.scans import are_of_one_time
 from tacstrip.io.log_import.table import NoTableError, Table, of_records
 from tacstrip.io.log_import.tokens import TIME, VALUE, parted
 from tacstrip.io.log_import.untouched import with_names_of_nothing
@@ -24,12 +25,16 @@ _FEW_ALIKE = 3  # messages of the same form as the readings' lines
 _SAMPLE = 200  # lines that tell whether all are of a kind
 
 
-def named_values(lines: list[tuple[int, str]]) -> Table | None:
-    """Return lines that name their values as a table; None where the log is none of that kind."""
+def named_values(lines: list[tuple[int, str]], stamps: Mapping[int, str]) -> Table | None:
+    """Return lines that name their values as a table; None where the log is none of that kind.
+
+    `stamps` are the times that stood before lines, by their number: where lines of one scan share one, another begins
+    the next scan.
+    """
     with contextlib.suppress(ReadingError):  # raised below where the log is of this kind
         lines = _with_points(lines)
     lines, unknown = with_names_of_nothing(lines)
-    if len(lines) > _SAMPLE and named_values(lines[:_SAMPLE]) is None:
+    if len(lines) > _SAMPLE and named_values(lines[:_SAMPLE], stamps) is None:
         return None
     parsed = [(i, items(line)) for i, line in lines]
     said = [p for (_, p), (_, line) in zip(parsed, lines, strict=True) if re.search(r"\d", line)]
@@ -38,12 +43,40 @@ def named_values(lines: list[tuple[int, str]]) -> Table | None:
         return None
     pointed = _with_points(lines)
     parsed = parsed if pointed is lines else [(i, items(line)) for i, line in pointed]
-    table = _gathered(parsed, dict(pointed))
+    parsed = _with_first_as_time(parsed)
+    table = _gathered(parsed, dict(pointed), _shared(parsed, stamps))
     doubts = [
         f"line {i} says {w!r} in place of readings: does nothing touch the strip, or is it a fault?"
         for w, i in unknown.items()
     ]
     return table and replace(table, doubts=(*table.doubts, *doubts))
+
+
+def _with_first_as_time(parsed: list[tuple[int, list[Item]]]) -> list[tuple[int, list[Item]]]:
+    """Return what lines name with a number that they begin with, which never falls, as the time."""
+    first = [found[0] for _, found in parsed if len(found) > 1]
+    counts = [number_of(item.values[0]) for item in first if not item.name and len(item.values) == 1]
+    rises = all(a is not None and b is not None and a <= b for a, b in itertools.pairwise(counts))
+    named = any(meaning(item.name).role == "time" for _, found in parsed for item in found)
+    if named or not rises or len({*counts}) < _FEW_ALIKE or len(counts) < STEADY * len(parsed):
+        return parsed
+    return [
+        (i, [replace(found[0], name="time"), *found[1:]] if len(found) > 1 and not found[0].name else found)
+        for i, found in parsed
+    ]
+
+
+def _shared(parsed: list[tuple[int, list[Item]]], stamps: Mapping[int, str]) -> Mapping[int, str]:
+    """Return the stamps before lines if those of one scan have one; else none."""
+    of_strips = [
+        (stamps[i], (numbers[-1], item.name))
+        for i, found in parsed
+        if i in stamps
+        for item in found
+        if (numbers := re.findall(r"\d+", item.name))
+    ]
+    times, keys = [t for t, _ in of_strips], [key for _, key in of_strips]
+    return stamps if are_of_one_time(times, keys) else {}
 
 
 def _says_no_contact(line: str) -> bool:
@@ -61,7 +94,9 @@ def _pairs(found: Sequence[Item]) -> bool:
 def _with_points(lines: list[tuple[int, str]]) -> list[tuple[int, str]]:
     """Return lines with decimal points where they have decimal commas; `ReadingError` where these may be lists."""
     pairs = [p for _, line in lines for p in _COMMA.findall(line)]
-    if not pairs or any(re.search(r"\d\.\d|\d,\d+,\d|[,;][A-Za-z]", line) for _, line in lines):
+    if not pairs or any(
+        re.search(r"\d\.\d|\d,\d+,\d|[,;][A-Za-z]", re.sub(STAMP, "", line)) for _, line in lines
+    ):
         return lines
     sizes: dict[str, set[int]] = {}  # with how many values each name stands
     for _, line in lines:
@@ -93,8 +128,13 @@ def _fields(found: Sequence[Item]) -> dict[str, str]:
     return fields
 
 
-def _gathered(parsed: list[tuple[int, list[Item]]], texts: Mapping[int, str]) -> Table | None:
-    """Gather lines to records: labels hold for the lines below, and a name that comes again begins the next record."""
+def _gathered(
+    parsed: list[tuple[int, list[Item]]], texts: Mapping[int, str], stamps: Mapping[int, str]
+) -> Table | None:
+    """Gather lines to records: labels hold for the lines below, and a name that comes again begins the next record.
+
+    So does another stamp.
+    """
     records: list[dict[str, str]] = []
     above: list[int] = []
     lines: list[int] = []
@@ -109,6 +149,9 @@ def _gathered(parsed: list[tuple[int, list[Item]]], texts: Mapping[int, str]) ->
     void: list[
         tuple[int, int, dict[str, str]]
     ] = []  # scans without a line: before which record, line, labels
+    timed: list[
+        tuple[int, int, dict[str, str]]
+    ] = []  # the same, of lines that only have a time, as a cut one may
 
     def flush() -> None:
         nonlocal record, parts
@@ -136,16 +179,14 @@ def _gathered(parsed: list[tuple[int, list[Item]]], texts: Mapping[int, str]) ->
             continue
         fields = _fields(found)
         told = {name: f for name, f in fields.items() if meaning(name).role in LABELS}
-        if any(labels.get(n) != f for n, f in told.items()) or any(name in record for name in fields):
+        later = bool(record) and stamps.get(number, "") != stamps.get(parts[-1][0], "")
+        if later or any(labels.get(n) != f for n, f in told.items()) or any(n in record for n in fields):
             flush()
         alone = len(told) == len(fields)  # a line that only says which scan the next ones are of
         if heading and not alone and {*heading} <= {*told} and any(told[n] != labels[n] for n in heading):
             # The lines below have a time of their own, another one.
             at = min(heading.values())
-            if _says_no_contact(texts[at]):
-                void.append((len(records), at, dict(labels)))
-            else:
-                strange.append(at)
+            (void if _says_no_contact(texts[at]) else timed).append((len(records), at, dict(labels)))
             heading = {}
         if anew := [n for n in told if n in heading and alone]:
             void.append((len(records), heading[anew[0]], dict(labels)))
@@ -182,8 +223,11 @@ def _gathered(parsed: list[tuple[int, list[Item]]], texts: Mapping[int, str]) ->
         last = (len(records), min(heading.values()), dict(labels))
         ended = parsed[-1][0] > max(heading.values()) or (void and void[-1][0] == len(records))
         ended = ended or _says_no_contact(texts[last[1]])
-        void += [last] if ended else []  # else it may be cut
-        strange += [] if ended else [last[1]]
+        (void if ended else timed).append(last)  # it may be cut
+    if len(timed) > 1:
+        void = sorted([*void, *timed], key=lambda one: one[1])
+    else:
+        strange += [line for _, line, _ in timed]
     if void and varied:
         for place, line, told in reversed(void):
             records.insert(place, dict(told))

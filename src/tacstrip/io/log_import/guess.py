@@ -42,6 +42,10 @@ _FEW_BROKEN, _MOST_BROKEN = 2, 1.0 / 3.0  # lines, and part of the lines: of mor
 _FEW_ROWS, _FEW_REPEATED = 4, 0.05  # rows; part of them: of more that come twice, nothing is known
 _MOST_COMPLETE = 0.5  # of the scans: if more have all strips, lines are lost where others have not
 
+_MOST_STEADY = (
+    0.75  # of the strips: if the same ones are always listed, and they are more, others may not be logged
+)
+
 
 @dataclass(frozen=True)
 class Proposal:
@@ -603,7 +607,7 @@ def _flag_of_touch(table: Table, mapping: ColumnMapping) -> str:
 
 
 def _only_touched(table: Table, mapping: ColumnMapping, rough: list[LogScan]) -> bool:
-    """Return whether scans list only touched strips: side by side in each, with readings, and seldom all of them."""
+    """Return whether scans list only touched strips: side by side, with readings, not always the same, seldom all."""
     there = np.asarray(np.isfinite(np.stack([s.values for s in rough])).any(axis=2))  # (scans, strips)
     if table.varied and not mapping.strip:
         touched = sum(map(bool, itertools.chain(*map(table.column, mapping.columns)))) == sum(
@@ -613,4 +617,6 @@ def _only_touched(table: Table, mapping: ColumnMapping, rough: list[LogScan]) ->
         listed = len(table.rows) - len(table.empty) if mapping.strip and not table.absent else 0
         touched = int(there.sum()) * (2 if mapping.which else 1) == listed
     side_by_side = all(row[np.argmax(row) :][: row.sum()].all() for row in there)
-    return touched and side_by_side and bool(there.all(axis=1).mean() < _MOST_COMPLETE)
+    # Of the same strips always, and most of all, the others may not be logged.
+    vary = len(np.unique(there, axis=0)) > 1 or there.mean() <= _MOST_STEADY
+    return touched and side_by_side and vary and bool(there.all(axis=1).mean() < _MOST_COMPLETE)

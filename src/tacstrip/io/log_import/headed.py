@@ -124,8 +124,8 @@ def headed(
     odd = [(i, " ".join(row)) for i, row in below if len(row) != width or i in garbled]
     broken = tuple(
         i for i, text in odd
-        if re.search(r"\d", text)
-        and (i in garbled or not is_prose(text, told_names))
+        if (re.search(r"\d", text) and (i in garbled or not is_prose(text, told_names)))
+        or all(map(says_nothing, re.split(r"[\s/|:]+", text.strip("()[]{}<> "))))  # a scan without a contact
     )  # fmt: skip
     words = len(odd) - len(broken) + len(notes)
     numbers = [

@@ -442,7 +442,11 @@ def end_beside(channels: set[str]) -> str:
 
 
 def _singular(word: str) -> str:
-    return word[:-1] if word.endswith("s") and word not in _KNOWN and word[:-1] in _KNOWN else word
+    return (
+        word[:-1]
+        if len(word) > 2 and word.endswith("s") and word not in _KNOWN and word[:-1] in _KNOWN
+        else word
+    )
 
 
 @lru_cache(maxsize=2**16)
@@ -456,7 +460,9 @@ def _tokens(name: str) -> tuple[list[str], str]:
     for bracket in re.finditer(r"[\[(]\s*([^\])]*?)\s*[\])]", plain):
         inner = bracket.group(1).lower()
         unit = unit or _IN_NAMES.get(inner, "") or _IN_NAMES.get(inner.rpartition(" in ")[2], "")
-        if not re.search(r"\d", inner) and inner not in _HIGH | _LOW | _OUT:  # as in analogRead(H)
+        if (
+            not re.search(r"\d", inner) and inner not in _HIGH | _LOW | _OUT | _ONE_OF_PAIR
+        ):  # as in analogRead(H)
             plain = plain.replace(bracket.group(0), " ")
     slash = re.search(r"[/,]\s*(\w+|%)\s*$", plain)
     if slash and slash.group(1).lower() in _IN_NAMES:

@@ -12,7 +12,7 @@ from tacstrip.io.log_import.names import CHANNELS, UNITS, meaning
 STEADY = 0.8  # of the lines: a form that as many have is that of the log
 LABELS = frozenset({"time", "scan", "strip", "which"})
 _WITH_TIME = re.compile(r"\d\s?(?:[mu]?s|min)\Z")
-_OF_DAY = re.compile(r"(?:[\d-]+[ T])?\d{1,2}:\d\d:\d\d(?:[.,]\d+)?")
+_OF_DAY = re.compile(r"(?:[\d./-]+,?[ T])?\d{1,2}:\d\d:\d\d(?:[.,]\d+)?")
 _EPOCH = re.compile(r"1\d{9}(?:\.\d+|\d{3}|\d{6}|\d{9})?")  # since 1970
 _ENDED = re.compile(r"\s*(?:[,;|/)]|\Z|\S*[A-Za-z]\S*\s*[:=])")  # behind a value: a mark, or the next name
 _STRIP_THEN_NAME = re.compile(
@@ -27,7 +27,8 @@ _FOREIGN = re.compile(  # a unit that is none of readings, behind a value
     r"(?![\w=:]|\s*[=:])"
 )
 _TOKEN = re.compile(
-    rf"""(?P<clock>(?<![\w.])\d{{4}}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:[.,]\d+)?(?:Z|[+-]\d\d:?\d\d)?(?!\w)
+    rf"""(?P<clock>(?<![\w.])(?:\d{{4}}-\d\d-\d\d[T ]|\d\d?[./]\d\d?[./]\d{{4}},?[ ])
+        \d\d?:\d\d:\d\d(?:[.,]\d+)?(?:Z|[+-]\d\d:?\d\d)?(?!\w)
     | (?<![\w.])\d{{1,2}}:\d\d(?::\d\d(?:[.,]\d+)?|\.\d+)?(?!\d))
     | (?P<number>(?<![\w.])(?>0[xX][\dA-Fa-f]+|[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?
         (?:\s?(?i:{_UNIT})(?!\w|\s*(?:[\[(][^\])]*[\])]\s*)?[=:]))?))(?![\w])

@@ -21,7 +21,7 @@ _UNTOUCHED = re.compile(r"(?:touch\w*|contact|press\w*|active)\W{1,3}(?:false|no
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 # Of what stands for no contact, an "x" may stand between letters, as in "HxLx".
 _NOTHING = (
-    r"(?<![^\s,;|/:=(\[{<>])(?:(?<!<)-{1,2}(?!>)|-{3,5}|\*{1,5}|_{1,5}|\.{1,5}|(?![A-Z]x)[A-Za-z]+(?:/[A-Za-z]+)?)"
+    r"(?<![^\s,;|/:=(\[{<>])(?:(?<!<)-{1,2}(?!>)|-{3,5}|\*{1,5}|_{1,5}|\.{1,5}|[nN]/[aA]|(?![A-Z]x)[A-Za-z]+)"
     r"(?![^\s,;|/:)\]}>])|(?<=[A-Z])x(?=[A-Z\s,;|]|\Z)"
 )
 _TOKEN = re.compile(
@@ -167,6 +167,8 @@ def _filled(line: Line, main: tuple[str, ...]) -> Line:
     void = _UNTOUCHED.search(rest) or any(map(says_nothing, said))
     # With as many values, or a word of an end, it is of a reading that others have, too.
     short = len(form) < len(main) and not any(meaning(w).channel for w in re.findall(r"[^\W\d_]+", rest))
+    if len(said) > 1 and all(map(says_nothing, said)):
+        return line  # a row of marks
     if same < _LABELLED or re.search(r"\d", rest) or not (void and short):
         return line
     return n, main, (*values[:same], *["nan"] * (len(main) - 1 - same))

@@ -65,7 +65,7 @@ def of_runs(text: str) -> Table | None:
         found = {n: made for n, line in every if (made := _parsed(line, word)) is not None}
         best = found if len(found) > len(best) else best
         label = word if best is found else label
-    if len(best) < _FEW:
+    if len(best) < _FEW or not any("".join(p) for line in best.values() for p in line.pairs.values()):
         return None
     heads, _ = Counter(tuple(name for name, _ in line.fields) for line in best.values()).most_common(1)[0]
     strange = [n for n, line in best.items() if tuple(name for name, _ in line.fields) != heads]
@@ -152,7 +152,7 @@ def _parsed(line: str, word: str) -> _Line | None:
         made = _of_run(line, run)
         if made is not None:
             return made
-        run = run[1:]
+        run = [] if word else run[1:]
     return None
 
 

@@ -6,7 +6,7 @@ import itertools
 import re
 import unicodedata
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
@@ -266,7 +266,7 @@ def _scans(
 ) -> Iterator[LogScan]:
     """Yield scans: a new one begins with the next number or time, or when a strip comes again.
 
-    Of lines that were put in order `by_time`, those of one time are a scan.
+    Of lines that were put in order `by_time`, those of one time are a scan, as where scans share theirs.
 
     One that lacks strips is dropped if a broken line may have been of it: what it said of them is not known.
     """
@@ -282,6 +282,9 @@ def _scans(
     backwards = not by_time and table.lines[0] > table.lines[-1]  # the newest stood first
     count, last, ended = -1, 0, np.inf if backwards else 0.0
     period = _A_PERIOD * _period(times, strips) if times is not None and strips else np.inf
+    if times is not None and strips is not None:
+        keys = list(zip(strips, which or [""] * len(strips), strict=True))
+        by_time = by_time or are_of_one_time(times.tolist(), keys)
 
     def between(line: int, until: float) -> bool:
         return until < line < ended if backwards else ended < line < until
@@ -341,6 +344,27 @@ def _scans(
         last = n
     if scan is not None:
         yield from closed(scan, 0.0 if backwards else np.inf)
+
+
+def are_of_one_time(times: Sequence[object], keys: Sequence[tuple[object, object]]) -> bool:
+    """Return whether lines of one scan have one time: those of a time are of several strips, and of none twice.
+
+    Parameters
+    ----------
+    times, keys
+        Of each line: its time, and the strip and channel that it is of.
+
+    Examples
+    --------
+    >>> keys = [(4, "h"), (5, "h"), (3, "h"), (4, "h")]
+    >>> are_of_one_time([0, 0, 1, 1], keys), are_of_one_time([0, 1, 2, 3], keys), are_of_one_time([0, 0, 0, 0], keys)
+    (True, False, False)
+    """
+    runs = [
+        [key for _, key in run] for _, run in itertools.groupby(zip(times, keys, strict=True), lambda z: z[0])
+    ]
+    several = sum(len({strip for strip, _ in run}) > 1 for run in runs)
+    return 2 * several > len(runs) and all(len({*run}) == len(run) for run in runs)
 
 
 def _period(times: FloatArray, strips: list[int]) -> float:
@@ -432,7 +456,7 @@ def strip_numbers(table: Table, mapping: ColumnMapping) -> list[int]:
             value -= 0.5 * (abs(value % 1.0 - 0.5) < _ON_PLACE)  # the middle of a strip
             value = round(value) + mapping.strip_base if abs(value - round(value)) < _ON_PLACE else None
         if value is None or value != int(value):
-            raise ReadingError(f"line {line}: {column} is {text!r}, not a strip's number")
+            raise NoTableError(f"line {line}: {column} is {text!r}, not a strip's number")
         first = texts.setdefault(int(value), text)
         if first != text and (named or re.search("[A-Za-z]", first)):
             raise ReadingError(

@@ -221,20 +221,20 @@ def _told(table: Table, strays: frozenset[int], texts: dict[int, str]) -> Table:
     broken += [n for n in there if n == max(texts) and n not in broken and any(
         texts[i].startswith(texts[n]) for i in table.lines if i in texts
     )]  # fmt: skip
+    _check_names(table, [n for n in there if n < first], texts)
     said = _quoted(there, texts)
     table = _without_lacking(table, broken)
     return replace(
         table,
         remarks=(f"{len(there)} line(s) set aside, for they have not the form of the others: {said}", *table.remarks),
         broken=tuple(sorted({*table.broken, *broken})),
-        doubts=(*table.doubts, *_of_lost_names(table, [n for n in there if n < first], texts)),
         quotes={**table.quotes, **{n: texts[n].strip() for n in broken}},
         preamble=(*(texts[n] for n in there if n <= last), *table.preamble),
     )  # fmt: skip
 
 
-def _of_lost_names(table: Table, above: list[int], texts: dict[int, str]) -> list[str]:
-    """Return a doubt where a table has no names, and a line set aside above it is of names."""
+def _check_names(table: Table, above: list[int], texts: dict[int, str]) -> None:
+    """Raise `NoTableError` where a table has no names, and a line set aside above it is of names in another order."""
     for n in () if table.named else above:
         fields = [f for f in re.split(r"[\t;,|]|\s{2,}", texts[n].strip()) if f.strip()]
         roles = [m.role for m in meanings(fields).values()]
@@ -242,16 +242,15 @@ def _of_lost_names(table: Table, above: list[int], texts: dict[int, str]) -> lis
         if len(strips) > 1 and all(a < b for a, b in itertools.pairwise(strips)):
             continue  # as columns without names are taken
         if len({*fields}) == len(fields) >= len(table.names) and 2 * sum(map(bool, roles)) > len(roles) > 1:
-            return [
-                f"line {n} ({texts[n].strip()[:_LONG]!r}) seems to name the columns, and is not used: are they so?"
-            ]
-    return []
+            raise NoTableError(
+                f"line {n} ({texts[n].strip()[:_LONG]!r}) seems to name the columns: are they so?"
+            )
 
 
 def _shape(line: str) -> tuple[str, int]:
-    """Return what separates the fields of a line that begins with a number, and how often; 0 of another line."""
+    """Return what separates the fields of a line that begins with a number or a tag, and how often; 0 of another."""
     by = next((mark for mark in "\t;|, " if mark in line.strip()), "")
-    return by, line.count(by) if by and re.match(r"\W*\d", line) else 0
+    return by, line.count(by) if by and re.match(r"\W*\d|[$@!]?\w+[,;\t|]", line) else 0
 
 
 def _is_row_of_numbers(line: str, columns: int) -> bool:

@@ -55,6 +55,7 @@ from tacstrip.io.log_import.separated import separated
 from tacstrip.io.log_import.series import without_other_series
 from tacstrip.io.log_import.shape import in_normal_form
 from tacstrip.io.log_import.sideways import upright
+from tacstrip.io.log_import.statements import untouched_said
 from tacstrip.io.log_import.strays import numbered, with_retries, without, without_messages
 from tacstrip.io.log_import.system_logs import of_system_log
 from tacstrip.io.log_import.table import Table
@@ -70,9 +71,12 @@ _PAIRED = re.compile(
     rf"(?<![\w./:(-])\(?({_VALUE})\s?(?:/|,\s?(?=[^()]{{0,999}}\))|:)\s?({_VALUE})\)?(?![\w./:-])"
 )
 _COMMA_PAIR = re.compile(rf"(?<=[;|\t])\s*({_VALUE})\s?,\s?({_VALUE})\s*(?=([;|\t])|\Z)")
+_REMARK = re.compile(r"(;|!|//)\s*[^\s;].*")  # above a table
 _TOPIC = re.compile(r"([A-Za-z][\w.-]*(?:/[\w.-]+)+)\s+(\S+)")
 _RULE = re.compile(r"[\s\-=+|~*_:]+")  # a line drawn below names
 _HALF_WIDTH = {c: c - 0xFEE0 for c in range(0xFF01, 0xFF5F)}  # of East Asian full-width letters and digits
+_MOST_ABOVE = 12  # lines, in which what stands for no contact may be said
+_LONG = 400  # characters of a line that may say something
 _FEW_LINES = 4  # of fewer, the length of the last number tells nothing
 _THOUSANDS = re.compile(r"(?<=\d)[\u2009\u202f\xa0](?=\d{3}(?!\d))")
 _FORTRAN = re.compile(r"(?<!\w)([-+]?(?:\d+\.\d*|\.\d+))[DdQq]([+-]\d{2,3})(?!\w)")  # double precision
@@ -97,15 +101,42 @@ def of_text(text: str, path: str | Path = "the log") -> Table:
             f"{path}: line {text.count(chr(10), 0, endless.start()) + 1}: {len(endless.group())} characters and more "
             f"without an end ({endless.group()[:10]}...); damaged, or no log: take them out"
         )
+    text = _with_marks_of_nothing(_with_one_mark(text))
     table = with_retries(
         text,
         lambda strays: _with_lines(_announced(text, path, strays), text),
         lambda refused: _repeated(text, refused),
     )
-    return replace(table, of_content=lambda strips, channels: _of_content(text, strips, channels))
+    return replace(table, of_content=lambda strips, channels: content_of(text, strips, channels))
 
 
-def _of_content(text: str, strips: int, channels: int) -> Table | None:
+def _with_one_mark(text: str) -> str:
+    """Return a text with "#" before the remarks that it begins with, whatever their mark, and no ">" before lines."""
+    lines = text.split("\n")
+    filled = [line for line in lines if line.strip() and not _REMARK.match(line)]
+    if sum(line.startswith("> ") for line in filled) > STEADY * len(filled):
+        lines = [line.removeprefix("> ") for line in lines]
+    mark = next((m[1] for line in lines if (m := _REMARK.match(line))), "")
+    for n, line in enumerate(lines):
+        if line.strip() and not (mark and line.startswith(mark) and _REMARK.match(line)):
+            break
+        lines[n] = f"# {line.removeprefix(mark).lstrip()}" if line.strip() else line
+    return "\n".join(lines)
+
+
+def _with_marks_of_nothing(text: str) -> str:
+    """Return a text with "nan" for what remarks above it say to stand for no contact, if that is a word or a mark."""
+    lines = text.split("\n")
+    told = {n: said for n, line in enumerate(lines[:_MOST_ABOVE]) if (said := untouched_said([line[:_LONG]]))}
+    words = [re.escape(w.strip("'\"")) for said in told.values() for w in said if not re.search(r"\d", w)]
+    mark = re.compile(rf"(?<![^\s,;|/:=(\[{{<>~])(?:{'|'.join(words)})(?![^\s,;|/:)\]}}<>~])")
+    return "\n".join(
+        mark.sub("nan", line) if words and n not in told else line for n, line in enumerate(lines)
+    )
+
+
+def content_of(text: str, strips: int, channels: int) -> Table | None:
+    """Return a text's table by what it holds, with what its lines say; None where that tells nothing."""
     table = of_content(_COLOUR.sub("", without_thousands(text)), strips, channels)
     return None if table is None else _with_lines(in_normal_form(table), text)
 
@@ -183,7 +214,7 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     lines = in_one_table(_in_pairs(with_values_of_nothing(of_groups(of_slashes(_of_topics(lines))))))
     beside = [line.lstrip().startswith(_COMMENT) or bool(_FORMULA.search(line)) for _, line in lines]
     remarked = [line for (_, line), so in zip(lines, beside, strict=True) if so]
-    table = named_values([line for line, so in zip(lines, beside, strict=True) if not so])
+    table = named_values([line for line, so in zip(lines, beside, strict=True) if not so], stamps)
     if table is not None:
         table = replace(table, preamble=(*table.preamble, *remarked))
     else:

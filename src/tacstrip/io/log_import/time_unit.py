@@ -41,6 +41,9 @@ _MINUTES_SAID = re.compile(
     r"(?<![hH][:.])\bm{1,2}[ :.]s{1,2}\b|\bmin\w* ?(?:and|:) ?s(?:ec\w*)?\b|\bstop ?watch\b", re.IGNORECASE
 )
 _OF_DAY_SAID = re.compile(r"\b(?:hora|heure|ora|uhr|godzina|klokken)\b", re.IGNORECASE)
+_TIME_SAID = re.compile(
+    r"\b(?:t|times?|zeit|temps|tiempo|tempo|tijd) (?:is |are )?in ([^\W\d_]+)\b", re.IGNORECASE
+)
 _LAST_HOUR = 23
 _SAME_RATE = 0.02  # relative: steps that are those of a rate
 _MOST_SAMPLES = 1000.0  # of a converter for a scan: its strips, times what it averages
@@ -84,7 +87,8 @@ def with_time(clues: Clues, mapping: ColumnMapping, found: Columns) -> ColumnMap
     unit = clues.choice("time_unit", (*TIME_UNITS, *CLOCKS)) or _unit_of_name(clues, found)
     mapping = replace(mapping, time_unit=unit or "s")
     times = raw_times(clues.table, mapping)
-    if not unit and (since := [u for u, s in _EPOCHS.items() if s <= abs(times[0]) <= 2.2 * s]):
+    too_late = "time_unit" not in clues.answers and unit in TIME_UNITS and times[0] * TIME_UNITS[unit] > 2.2e9
+    if (not unit or too_late) and (since := [u for u, s in _EPOCHS.items() if s <= abs(times[0]) <= 2.2 * s]):
         clues.because(f"{found.time}: {since[0]} since 1970")
         unit = since[0]
     steps = np.diff(times)
@@ -102,6 +106,10 @@ def _unit_of_name(clues: Clues, found: Columns) -> str:
         clues.because(f"{found.time}: times of day or dates, such as {first}")
         return _of_two_parts(clues, found.time)
     unit = found.meanings[found.time].unit
+    said = {UNITS.get(u.casefold(), "") for u in _TIME_SAID.findall("\n".join(clues.table.preamble))}
+    if unit not in TIME_UNITS and len(said) == 1 and said <= {*TIME_UNITS}:
+        clues.because(f"{found.time} is in {min(said)}, as a line above says")
+        return said.pop()
     return unit if unit in TIME_UNITS else ""
 
 
@@ -161,7 +169,11 @@ def settled_time(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
     if not mapping.time:
         rate = rate or _rate_above(clues)
         if rate is None and len(rough) > 1:
-            if even := _even_column(clues, mapping, len(rough)):
+            even = _even_column(clues, mapping, len(rough))
+            if even in TIME_UNITS:
+                clues.because(f"{even}: rises evenly, and no other column is the time")
+                return replace(mapping, time=even, time_unit=even)
+            if even:
                 clues.ask(
                     even, f"no name says the time, and {even!r} rises evenly: is it? Or give rate_hz", "time"
                 )

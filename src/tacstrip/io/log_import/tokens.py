@@ -32,10 +32,10 @@ def _pattern(decimal: str) -> re.Pattern[str]:
     return re.compile(
         rf"(?P<time>(?<![\w.])(?:{STAMP}|(?:{_DATE})(?:[T ]{_OF_DAY})?|{_OF_DAY})(?![\w]))"
         rf"|(?P<hex>(?<![\w.])(?:{_HEX})(?![\w.]))"
-        rf"|(?P<value>{number}(?:\s?(?i:{_UNITS})(?![\w]))?)"
+        rf"|(?P<value>{number}(?:\s?(?!S)(?i:{_UNITS})(?![\w]))?)"
         rf"|(?P<none>{_MARKS})"
         # A cross may stand between letters, as in "HxLx".
-        r"|(?P<word>[A-Z](?=x(?:[A-Z]x)*(?![^\W\d_]))|(?<=[A-Z])x(?![a-z])|[^\W\d_]+(?:/[^\W\d_]+)*)"
+        r"|(?P<word>[A-Z](?=x(?:[A-Z]x)*(?![^\W\d_]))|(?<=[A-Z])x(?![a-z])|[nN]/[aA](?!\w)|[^\W\d_]+)"
         r"|(?P<other>\S)"
     )
 
@@ -116,7 +116,14 @@ def in_pairs(lines: Sequence[Line]) -> list[Line]:
     if not many or many.most_common(1)[0][1] < _FEW * _FEW:
         return list(lines)
     mark = many.most_common(1)[0][0]
+    if all(_is_label(line.form, mark) for line in lines if f"#{mark}#" in line.form):
+        return list(lines)
     return [_paired(line, mark) for line in lines]
+
+
+def _is_label(form: str, mark: str) -> bool:
+    """Return whether a mark only parts the first number of a line from the others, as in "5: 2.5 1.9"."""
+    return form.startswith(f"#{mark}#") and form.count(mark) == 1 and form.count(VALUE) > 2
 
 
 def _paired(line: Line, mark: str) -> Line:
@@ -137,6 +144,7 @@ def kinds_of_rows(lines: Sequence[Line]) -> list[list[Line]]:
 
     Words in the place of a value, and remarks behind all else, are of the form without them.
     """
+    lines = _with_marks(lines)
     many = Counter(line.form for line in lines)
     forms = [f for f, often in many.items() if often >= _FEW and VALUE in f]
     forms.sort(key=lambda f: -many[f] * f.count(VALUE))
@@ -146,6 +154,33 @@ def kinds_of_rows(lines: Sequence[Line]) -> list[list[Line]]:
         if not any({r.number for r in rows} <= {r.number for r in other} for other in found):
             found.append(rows)
     return found
+
+
+def _with_marks(lines: Sequence[Line]) -> list[Line]:
+    """Return lines with a value for each word that stands in many lines where others of the same form have one."""
+    alike: dict[str, list[Line]] = {}
+    for line in lines:
+        alike.setdefault(line.form.replace(WORD, VALUE), []).append(line)
+    often: Counter[str] = Counter()
+    for group in alike.values():
+        for symbols, texts in zip(
+            zip(*(g.form for g in group), strict=True),
+            zip(*(g.texts for g in group), strict=True),
+            strict=True,
+        ):
+            if {*symbols} == {WORD, VALUE}:
+                often.update(text for symbol, text in zip(symbols, texts, strict=True) if symbol == WORD)
+    marks = {text for text, many in often.items() if many >= _FEW}
+    return [
+        replace(
+            line,
+            form="".join(
+                VALUE if symbol == WORD and text in marks else symbol
+                for symbol, text in zip(line.form, line.texts, strict=True)
+            ),
+        )
+        for line in lines
+    ]
 
 
 def _as_of(line: Line, form: str) -> Line | None:
