@@ -17,7 +17,7 @@ from tacstrip.core.rigid import RigidScans
 from tacstrip.tracking.rigid.corners import Fit, fitted, poses_all_round, pruned, settled
 from tacstrip.tracking.rigid.smooth_path import LEAST, RADII, Path, centres, fit_path, radii_of
 
-_STARTS, _HOPS = 3, 16  # outlines that are bent circles, and tries from the best so far
+_STARTS, _HOPS = 5, 24  # outlines that are bent circles, and tries from the best so far
 _IDLE = 2  # tries that found no better one, before one that explains the scans is believed
 _BENT, _BENT_AGAIN = 0.18, 0.12  # of the radius, by two waves round the outline; three and four are smaller
 _WAVES = (1.0, 0.7, 0.4)
@@ -72,7 +72,7 @@ def hopped(scans: RigidScans, explains: Callable[[Fit], bool]) -> Fit:
 def _posed_again(scans: RigidScans, fit: Fit, tolerance_mm: float) -> Fit:
     """Return the fit with all poses searched for all round, as long as that makes it better."""
     for _ in range(_ROUNDS):
-        near = poses_all_round(scans, fit.corners, tolerance_mm)[0]
+        near = poses_all_round(scans, fit.corners, tolerance_mm, _TURNS, _TURNED)[0]
         new = settled(scans, fitted(scans, fit.corners, near[:, 0], 15), 2)
         if new.cost > fit.cost - 0.5:
             break
