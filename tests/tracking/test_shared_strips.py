@@ -145,8 +145,14 @@ def test_where_nothing_comes_or_goes_no_end_is_searched(monkeypatch: pytest.Monk
     # all scans before and after it show one object, or there are none such
     assert searched(jumps) == [(9, 1), (9, 1), (9, 2), (9, 2)]
     assert searched(spreads)[:2] == [(6, 1), (9, 1)]  # up to the jump where the shortest stretch fails
-    # both ends are needed: neither is searched further where both fail, nor the second one where the first has no hope
-    for hopeless, efforts in ((False, [(9, 1), (9, 1)]), (True, [(9, 1)])):
+    # both ends are needed: none is searched where one has no promise, nor further where both fail, nor the second one
+    # where the first has no hope
+    for promising, hopeless, efforts in (
+        (True, False, [(9, 1), (9, 1)]),
+        (True, True, [(9, 1)]),
+        (False, False, []),
+    ):
+        monkeypatch.setattr(Starts, "promising", promising)
         monkeypatch.setattr(Starts, "hopeless", hopeless)
         assert searched(jumps, both=True) == efforts
 

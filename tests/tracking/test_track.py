@@ -34,11 +34,10 @@ from tacstrip.tracking.rigid.covariance import (
     rigid_motions,
     without_poses,
 )
-from tacstrip.tracking.rigid.hopping import _radii
 from tacstrip.tracking.rigid.offsets import Offsets, channel_offsets, not_ruled_out, with_offsets
 from tacstrip.tracking.rigid.rivals import beside_rivals, poses_beside_rivals
 from tacstrip.tracking.rigid.search import Found, _compared, freer_spline, likelier
-from tacstrip.tracking.rigid.smooth_path import fit_corners, spline_basis
+from tacstrip.tracking.rigid.smooth_path import fit_corners, one_after_another, radii_of, spline_basis
 from tacstrip.tracking.rigid.strain import strain_gain
 from tacstrip.tracking.summary import less_than_half_turns
 
@@ -299,6 +298,26 @@ def test_an_object_pressed_twice_is_counted_over_both(seed: int, number: int, co
     assert distance(found, placed(of.outline, angle)) < 1.0
 
 
+@pytest.mark.parametrize(("number", "corners", "mm"), [(18, 7, 0.5), (23, 6, 2.5)])
+def test_two_presses_of_one_signature_are_one_object(number: int, corners: int, mm: float) -> None:
+    """Each press has a smooth path of its own; of one alone the outline was 4.5 mm off, or lacked a corner."""
+    of = scene("kh, presses", 721, number)
+    assert of.outline is not None
+    (one,) = ts.track(of.scans, of.unit.sensor, NOISE)
+    assert (len(one.outline), int(one.present.sum())) == (corners, 48)
+    assert distance(placed(one.outline, one.poses[5]), placed(of.outline, of.poses[5])) < mm
+    assert distance(placed(one.outline, one.poses[40]), placed(of.outline, of.poses[40])) < mm
+
+
+def test_a_freer_spline_of_two_stretches_has_no_path_from_one_to_the_other() -> None:
+    first, then = (spline_basis(np.linspace(0.0, 1.0, n), 4) for n in (20, 15))
+    freer = freer_spline(one_after_another([first, then]))
+    assert freer is not None
+    assert freer.shape == (35, 16)
+    assert not freer[:20, 8:].any()
+    assert not freer[20:, :8].any()
+
+
 def test_presses_are_searched_beside_where_they_came_to_rest() -> None:
     """The outline was .9 mm off at twelve less likely than the best, and its region did not hold the truth."""
     of = scene("presses", 120, 5)
@@ -547,7 +566,7 @@ def test_one_signature_of_presses_at_random_tells_the_shape() -> None:
 def test_the_radii_of_a_polygon_reach_its_outline() -> None:
     square = np.array([(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)]) + 3.0
     angle = 2.0 * np.pi * np.arange(24) / 24
-    assert _radii(square) == pytest.approx(1.0 / np.maximum(np.abs(np.cos(angle)), np.abs(np.sin(angle))))
+    assert radii_of(square) == pytest.approx(1.0 / np.maximum(np.abs(np.cos(angle)), np.abs(np.sin(angle))))
 
 
 def test_one_signature_of_few_strips_without_a_smooth_path_is_not_confident() -> None:

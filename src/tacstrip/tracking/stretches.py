@@ -20,6 +20,7 @@ from tacstrip.tracking.rigid.search import (
     content,
     counted_among_followers,
     recognised,
+    recognised_on_path,
     search,
     with_all_poses,
 )
@@ -127,10 +128,13 @@ def explained_too(new: Object, objects: list[Object], read: Readings) -> list[Ob
 
 def _recognise(one: Object, other: Episode, read: Readings) -> Object | None:
     """Return the object with another stretch of scans too, where its shape explains them; else None."""
-    if one.found.fit.basis is not None or not content(one.scans, one.found.fit, read.distribution):
+    if not content(one.scans, one.found.fit, read.distribution):
         return None
     more = taken_off(replace(one.scans, k=other.readings(read.k, read.skin.span)), one.found.offsets)
-    fit = recognised(one.scans, one.found.fit, more, read.distribution)
+    if one.found.fit.basis is None:
+        fit = recognised(one.scans, one.found.fit, more, read.distribution)
+    else:
+        fit = recognised_on_path(one.scans, one.found, more, read.distribution)
     if fit is None:
         return None
     every = replace(one.scans, k=np.concatenate([one.scans.k, more.k]))
@@ -151,14 +155,13 @@ def _counted_again(one: Object, before: Found, read: Readings) -> Object:
     """
     order = np.argsort(one.shown)
     scans, fit = one.scans.of(order), one.found.fit
-    fit = replace(fit, poses=fit.poses[order], costs=fit.costs[order])
+    fit = fit.of(order)
     few = np.unique(np.linspace(0, len(order) - 1, min(len(order), MOST)).astype(int))
     some = scans.of(few)
-    begun = replace(fit, poses=fit.poses[few], costs=fit.costs[few])
-    found = compared_again(some, before, begun, read.distribution)
-    found = replace(
-        counted_among_followers(some, found, read.distribution), chosen=few, offsets=before.offsets
-    )
+    found = compared_again(some, before, fit.of(few), read.distribution)
+    if fit.basis is None:
+        found = counted_among_followers(some, found, read.distribution)
+    found = replace(found, chosen=few, offsets=before.offsets)
     if len(few) < len(order):
         found = replace(found, fit=posed(scans, replace(fit, corners=found.fit.corners)))
     shown, runs = [one.shown[i] for i in order], [one.runs[i] for i in order]

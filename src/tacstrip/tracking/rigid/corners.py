@@ -66,6 +66,11 @@ class Fit:
         """Of all scans."""
         return float(self.costs.sum())
 
+    def of(self, scans: IntArray) -> Fit:
+        """Return it of some of the scans."""
+        basis = None if self.basis is None else self.basis[scans]
+        return Fit(self.corners, self.poses[scans], self.costs[scans], basis)
+
     def criterion(self, scans: RigidScans) -> float:
         """Return what fits are compared by: extended BIC, of corners that could be at any of some places."""
         knots = 0 if self.basis is None else 3 * self.basis.shape[1]

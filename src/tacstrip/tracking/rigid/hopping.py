@@ -15,9 +15,9 @@ import numpy as np
 from tacstrip.arrays import FloatArray
 from tacstrip.core.rigid import RigidScans
 from tacstrip.tracking.rigid.corners import Fit, fitted, poses_all_round, pruned, settled
-from tacstrip.tracking.rigid.smooth_path import RADII, Path, centres, fit_path
+from tacstrip.tracking.rigid.smooth_path import LEAST, RADII, Path, centres, fit_path, radii_of
 
-_STARTS, _HOPS = 3, 16  # outlines that are bent circles, and tries from the best so far
+_STARTS, _HOPS = 5, 24  # outlines that are bent circles, and tries from the best so far
 _IDLE = 2  # tries that found no better one, before one that explains the scans is believed
 _BENT, _BENT_AGAIN = 0.18, 0.12  # of the radius, by two waves round the outline; three and four are smaller
 _WAVES = (1.0, 0.7, 0.4)
@@ -27,7 +27,6 @@ _TURNS, _TURNED = 24, 3  # poses all round, and how many are refined
 _PRUNED = 2  # polygons of a rough outline that poses are found of again
 _SHARP, _ROUNDS = 0.02, 6  # tolerance of a polygon's poses all round, and how often they are looked for
 _ROUGH, _END = 0.07, 0.1  # see `fit_path`
-_LEAST = 0.2  # of the radius that an outline keeps everywhere
 _ANGLES = 2.0 * np.pi * np.arange(RADII) / RADII
 
 
@@ -64,7 +63,7 @@ def hopped(scans: RigidScans, explains: Callable[[Fit], bool]) -> Fit:
     for _ in range(_HOPS):
         if idle >= _IDLE and explains(best):
             break
-        new = tried(_bent(_radii(best.corners), _BENT_AGAIN, random), _AGAIN)
+        new = tried(_bent(radii_of(best.corners), _BENT_AGAIN, random), _AGAIN)
         better = new.criterion(scans) < best.criterion(scans) - 0.5
         best, idle = (new, 0) if better else (best, idle + 1)
     return best
@@ -73,7 +72,7 @@ def hopped(scans: RigidScans, explains: Callable[[Fit], bool]) -> Fit:
 def _posed_again(scans: RigidScans, fit: Fit, tolerance_mm: float) -> Fit:
     """Return the fit with all poses searched for all round, as long as that makes it better."""
     for _ in range(_ROUNDS):
-        near = poses_all_round(scans, fit.corners, tolerance_mm)[0]
+        near = poses_all_round(scans, fit.corners, tolerance_mm, _TURNS, _TURNED)[0]
         new = settled(scans, fitted(scans, fit.corners, near[:, 0], 15), 2)
         if new.cost > fit.cost - 0.5:
             break
@@ -86,17 +85,4 @@ def _bent(radii: FloatArray, by: float, random: np.random.Generator) -> FloatArr
     phase = _ANGLES + random.uniform(0.0, 2.0 * np.pi, (len(_WAVES), 1))
     size = by * np.array(_WAVES) * random.normal(size=len(_WAVES))
     waves = np.cos(np.arange(2, 2 + len(_WAVES))[:, None] * phase)
-    return np.asarray(radii * np.maximum(1.0 + size @ waves, _LEAST))
-
-
-def _radii(corners: FloatArray) -> FloatArray:
-    """Return how far from the mean of corners (N, 2) their outline is, at the angles of a rough one (RADII,)."""
-    own = corners - corners.mean(axis=0)
-    edge = np.roll(own, -1, axis=0) - own
-    spoke = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1)[:, None]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        over = 1.0 / (spoke[..., 0] * edge[:, 1] - spoke[..., 1] * edge[:, 0])
-        far = (own[:, 0] * edge[:, 1] - own[:, 1] * edge[:, 0]) * over
-        share = (own[:, 0] * spoke[..., 1] - own[:, 1] * spoke[..., 0]) * over
-        found = np.where((share >= 0.0) & (share <= 1.0), far, 0.0).max(axis=1)
-    return np.asarray(np.maximum(found, _LEAST * found.mean()))
+    return np.asarray(radii * np.maximum(1.0 + size @ waves, LEAST))

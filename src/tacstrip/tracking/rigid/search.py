@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -31,8 +31,16 @@ from tacstrip.tracking.rigid.corners import (
 )
 from tacstrip.tracking.rigid.covariance import following
 from tacstrip.tracking.rigid.hopping import hopped
+from tacstrip.tracking.rigid.joined_paths import joined
 from tacstrip.tracking.rigid.offsets import Offsets, channel_offsets, taken_off, without_needless_corners
-from tacstrip.tracking.rigid.smooth_path import Path, centres, circle, fit_path, spline_basis
+from tacstrip.tracking.rigid.smooth_path import (
+    Path,
+    centres,
+    circle,
+    fit_path,
+    one_after_another,
+    spline_basis,
+)
 
 _TURNS, _FINE_TURNS = (tuple(range(-160, 161, step)) for step in (20, 10))  # degrees
 _WHOLE_TURNS = tuple(sign * turn for turn in range(180, 561, 20) for sign in (1, -1))
@@ -59,6 +67,7 @@ _WITHIN = 8.0  # of the best criterion: fits that explain the readings as well
 _WITHIN_KINKS = 16.0  # likewise of concave ones, which seldom come to rest at their least cost
 _UNLIKELY = 0.05  # odds of another count of corners, against the best fit, that are taken for none
 _LOST = 0.5  # of the scans: a polygon that leaves more will not explain them once it is settled
+_FEW_LOST, _EVERY_LOST = 0.3, 0.15  # likewise of a stretch that touches few strips, and polygons of all turns
 _WORTH_SETTLING = 1.6  # times the freedom: fits that may, once they are settled
 _NO_OFFSETS = 50.0  # likewise: offsets do not explain so much
 _SOFT, _HARD = 0.25, 0.1  # pitches that an end of an outline is off
@@ -68,6 +77,7 @@ _ERRATIC = 0.2  # of the radius: a middle that is so far off any smooth path, in
 _REFERENCES = 3  # of a search without a path: scans that it begins with ...
 _EASED = (0.04, 0.025, 0.016)  # ... and the tolerance of each round from one of them
 _RANDOM_SCANS = 40
+_JOINED = 3  # rivals of one stretch that another is tried with
 
 
 def content(scans: RigidScans, fit: Fit, distribution: str) -> bool:
@@ -244,8 +254,22 @@ class Starts:
     @cached_property
     def hopeless(self) -> bool:
         """Whether the best outlines leave most scans unexplained, as those of a rigid object hardly ever do."""
-        fits = self.pruned(self.best(_TURNS, _KEPT))
-        return min(len(bad_scans(self.few, f)) for f in fits) > _LOST * len(self.chosen)
+        return self.unexplained(self.best(_TURNS, _KEPT)) > _LOST
+
+    @property
+    def plain(self) -> bool:
+        """Whether outlines on smooth paths tell if a rigid one explains the scans."""
+        return not self.erratic and not needs_smooth_motion(self.scans)
+
+    @property
+    def promising(self) -> bool:
+        """Whether a rigid outline may explain a stretch of scans, by the best on smooth paths."""
+        few = self.scans.strips_touched < FEW_A_SCAN
+        return not self.plain or self.unexplained(self.best(_TURNS, _KEPT)) <= (_FEW_LOST if few else _LOST)
+
+    def unexplained(self, turns: Sequence[int]) -> float:
+        """Return the share of the scans that the polygons of some turns leave unexplained, at least."""
+        return min(len(bad_scans(self.few, f)) for f in self.pruned(turns)) / len(self.chosen)
 
 
 def search(
@@ -316,12 +340,11 @@ def rigid_stretch(starts: Starts, distribution: str, effort: int = 0) -> Found |
     """Return the fit of all scans that were started with; None where no rigid outline explains them.
 
     Efforts: a quick look (0), a whole search (1), and, where that failed, the corners of many rough outlines counted
-    (2). Where few strips are touched and the quick look leaves most scans unexplained, more effort is not spent.
+    (2). Where few strips are touched and the quick look leaves many scans unexplained, more effort is not spent.
     """
     scans = starts.scans
-    plain = not starts.erratic and not needs_smooth_motion(scans)
-    few = plain and scans.strips_touched < FEW_A_SCAN
-    if plain and (few or effort == 0) and starts.hopeless:
+    few = starts.plain and scans.strips_touched < FEW_A_SCAN
+    if (few or effort == 0) and not starts.promising:
         return None
     if effort > 1:
         found = _counted(starts, distribution) if few else None
@@ -334,14 +357,16 @@ def rigid_stretch(starts: Starts, distribution: str, effort: int = 0) -> Found |
     return found if found is not None and content(scans, found.fit, distribution) else None
 
 
-def _on_all_turns(starts: Starts, distribution: str) -> Found:
+def _on_all_turns(starts: Starts, distribution: str) -> Found | None:
     """Return the best fit from the outlines of all turns, however badly these explain the scans while they are rough.
 
     Then from beside it, too: which side of a strip a corner passes, few strips hardly tell. Rivals may be worse than
-    elsewhere: few strips decide little, and scans with others about may decide.
+    elsewhere: few strips decide little, and scans with others about may decide. None where all are far from it.
     """
-    scans = starts.scans
-    every = _polygons(starts, scans, starts.best(_FINE_TURNS, len(_FINE_TURNS)), distribution)
+    scans, turns = starts.scans, starts.best(_FINE_TURNS, len(_FINE_TURNS))
+    if starts.unexplained(turns) > _EVERY_LOST:
+        return None
+    every = _polygons(starts, scans, turns, distribution)
     found = _compared(scans, every, distribution)
     for _ in range(_EXPLORED if content(scans, found.fit, distribution) else 0):
         fits, least = [found.fit, *(fit for fit, _ in found.rivals)], found.fit.criterion(scans)
@@ -448,13 +473,21 @@ def needs_smooth_motion(scans: RigidScans) -> bool:
 def freer_spline(basis: FloatArray | None) -> FloatArray | None:
     """Return a spline of more knots over the same scans: what the readings do not rule out, errors must allow for.
 
-    The motion is no spline; that one of few knots explains the readings says only how smooth it is about.
+    The motion is no spline; that one of few knots explains the readings says only how smooth it is about. Of a spline
+    for each of several stretches, each is freer.
     """
     if basis is None:
         return None
-    scans, knots = basis.shape
-    more = min([k for k in _SPLINES if k > knots][:_FREER] or [2 * knots], key=lambda k: -k)
-    return spline_basis(np.arange(scans) / max(scans - 1, 1), min(more, scans))
+    every = np.arange(len(basis))
+    there = basis != 0.0
+    first, last = there.argmax(axis=0), len(basis) - 1 - there[::-1].argmax(axis=0)
+    begins = [int(i) for i in every if not ((first < i) & (last >= i)).any()]
+    parts = list[FloatArray]()
+    for begin, end in zip(begins, [*begins[1:], len(basis)], strict=True):
+        scans, knots = end - begin, int(((first >= begin) & (first < end)).sum())
+        more = min([k for k in _SPLINES if k > knots][:_FREER] or [2 * knots], key=lambda k: -k)
+        parts.append(spline_basis(np.arange(scans) / max(scans - 1, 1), min(more, scans)))
+    return one_after_another(parts)
 
 
 def _on_as_many_knots_as_all_ask_for(scans: RigidScans, found: Found) -> Found:
@@ -535,7 +568,9 @@ def _compared(scans: RigidScans, fits: list[Fit], distribution: str, within: flo
 
 def compared_again(scans: RigidScans, found: Found, fit: Fit, distribution: str) -> Found:
     """Return what was found of some scans as of these and more, about a fit of all: counted and compared anew."""
-    others = [settled(scans, fitted(scans, corners, fit.poses)) for corners, _ in found.others]
+    others = [
+        settled(scans, fitted(scans, corners, fit.poses, basis=fit.basis)) for corners, _ in found.others
+    ]
     return _compared(scans, [unstuck(scans, fit), *others], distribution)
 
 
@@ -570,6 +605,9 @@ def _alternatives(scans: RigidScans, fits: list[Fit], distribution: str) -> list
 def _same(a: Fit, b: Fit) -> bool:
     """Whether two fits of the same scans have one outline."""
     if len(a.corners) != len(b.corners):
+        return False
+    longest = [float(np.hypot(*(o[:, None] - o).T).max()) for o in (a.corners, b.corners)]
+    if abs(longest[1] - longest[0]) > 2.0 * _ALIKE * longest[1]:  # whichever way they lie
         return False
     p, q = (shapely.Polygon(o).buffer(0) for o in (carried(a, b.poses), b.corners))
     return bool(p.hausdorff_distance(q) < _ALIKE * math.sqrt(q.area))
@@ -693,14 +731,44 @@ def recognised(known: RigidScans, fit: Fit, scans: RigidScans, distribution: str
     together = replace(known, k=np.concatenate([known.k, scans.k]))
     joint = fitted(together, fit.corners, np.concatenate([fit.poses, best]), 10, cauchy=5.0)
     joint = settled(together, rescued(together, fitted(together, joint.corners, joint.poses)))
+    return _explaining_both(together, [joint], scans, distribution)
+
+
+def recognised_on_path(known: RigidScans, found: Found, scans: RigidScans, distribution: str) -> Fit | None:
+    """Return the fit of known scans and further ones, of poses on a spline each; None where none explains both.
+
+    Known scans leave much open: which of the outlines that explain them is right, the further ones may decide.
+    """
+    together = replace(known, k=np.concatenate([known.k, scans.k]))
+    every = len(found.chosen) == len(known.k)
+    fits = [found.fit, *(fit for fit, _ in found.rivals[:_JOINED] if every)]
+    return _explaining_both(together, joined(known, fits, scans), scans, distribution)
+
+
+def _explaining_both(
+    together: RigidScans, fits: Iterable[Fit], last: RigidScans, distribution: str
+) -> Fit | None:
+    """Return the first of fits that explains the last scans by themselves and all, or one from the best; else None."""
 
     def both_explained(fit: Fit) -> bool:
-        part = Fit(fit.corners, fit.poses[-last:], fit.costs[-last:])
-        return content(scans, part, distribution) and content(together, fit, distribution)
+        count = len(last.k)
+        basis = None if fit.basis is None else fit.basis[-count:]
+        if basis is not None:
+            basis = basis[:, (basis != 0.0).any(axis=0)]
+        part = Fit(fit.corners, fit.poses[-count:], fit.costs[-count:], basis)
+        return content(last, part, distribution) and content(together, fit, distribution)
 
+    tried = list[Fit]()
+    for fit in fits:
+        if both_explained(fit):
+            return fit
+        tried.append(fit)
+    fit = min(tried, key=lambda f: f.criterion(together))
     # Too few scans may have told a corner too few, or an outline that is off along what they left open.
     for further in (unstuck, lambda every, fit: explored(every, fit)[0]):
-        if both_explained(joint) or joint.cost > _WORTH_SETTLING * joint.freedom(together):
+        if fit.cost > _WORTH_SETTLING * fit.freedom(together):
             break
-        joint = recounted(together, further(together, joint))[0]
-    return joint if both_explained(joint) else None
+        fit = recounted(together, further(together, fit))[0]
+        if both_explained(fit):
+            return fit
+    return None

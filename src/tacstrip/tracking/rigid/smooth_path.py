@@ -23,6 +23,7 @@ _SPOKES = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1)
 _BEND = np.roll(np.eye(RADII), 1, 1) + np.roll(np.eye(RADII), -1, 1) - 2.0 * np.eye(RADII)
 _CENTRED = 0.014  # of the radius: how near to the frame's origin the outline's middle is held
 _LOOSE = 4.0  # radii: a prior for each radius by itself, so that all are determined
+LEAST = 0.2  # of the mean radius that a rough outline keeps everywhere
 _ROUND = 0.785  # width of a disc's mean section over its diameter
 
 
@@ -75,6 +76,16 @@ def spline_basis(at: FloatArray, knots: int, *, straight: bool = False) -> Float
 
     ends = "natural" if straight and knots > 4 else "not-a-knot"
     return np.asarray(CubicSpline(places, np.eye(knots), bc_type=ends)(at))
+
+
+def one_after_another(splines: list[FloatArray]) -> FloatArray:
+    """Return the spline (T, K) of stretches of scans that have one each, without a step from one to the next."""
+    found, at = np.zeros(np.sum([s.shape for s in splines], axis=0)), np.zeros(2, dtype=int)
+    for spline in splines:
+        end = at + spline.shape
+        found[at[0] : end[0], at[1] : end[1]] = spline
+        at = end
+    return found
 
 
 def centres(scans: RigidScans) -> tuple[FloatArray, FloatArray]:
@@ -134,6 +145,19 @@ def fit_path(
     begin = OnPath(start.radii, start.knots)
     found = descend_path(scans, by, begin, start.basis, how, steps, 1e-3, least=0.02)
     return replace(start, radii=found.outline, knots=found.knots, cost=found.cost)
+
+
+def radii_of(corners: FloatArray) -> FloatArray:
+    """Return how far from the mean of corners (N, 2) their outline is, at the angles of a rough one (RADII,)."""
+    own = corners - corners.mean(axis=0)
+    edge = np.roll(own, -1, axis=0) - own
+    spoke = _SPOKES[:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        over = 1.0 / (spoke[..., 0] * edge[:, 1] - spoke[..., 1] * edge[:, 0])
+        far = (own[:, 0] * edge[:, 1] - own[:, 1] * edge[:, 0]) * over
+        share = (own[:, 0] * spoke[..., 1] - own[:, 1] * spoke[..., 0]) * over
+        found = np.where((share >= 0.0) & (share <= 1.0), far, 0.0).max(axis=1)
+    return np.asarray(np.maximum(found, LEAST * found.mean()))
 
 
 def fit_corners(

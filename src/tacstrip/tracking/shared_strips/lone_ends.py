@@ -38,19 +38,26 @@ def lone_ends(
     def room(end: _End) -> int:  # no scan shows each of two by itself
         return total - sum(other.found for other in every if other is not end)
 
-    for end in every:
+    def planned(end: _End) -> list[int]:
         # What explains a stretch explains its parts, and up to the first sudden change all scans show one object. But
         # not all that is put down changes readings suddenly, and of few scans the search may fail: then the jumps.
         most = room(end)
         cuts = sorted({n for j in jumps if FEWEST <= (n := end.length(j)) <= most}, reverse=True)
         end.cuts = [n for n in cuts if n < total]
         end.parts = [n for p in _PARTS if FEWEST <= (n := total // p) <= most and n not in cuts]
-        if lengths := [*end.cuts, *end.parts]:
-            first = end.length(int(changes[-1 if end.last else 0]))
-            shortest = max(min(lengths), min(first, max(lengths)))
-            end.tried = [shortest, *(n for n in end.cuts[::-1] if n != shortest and 2 * n > shortest)]
-            end.searched(end.tried, 1)
-        if both and not end.found and (not end.tried or end.starts[end.tried[0]].hopeless):
+        lengths = [*end.cuts, *end.parts]
+        if not lengths:
+            return []
+        first = end.length(int(changes[-1 if end.last else 0]))
+        shortest = max(min(lengths), min(first, max(lengths)))
+        return [shortest, *(n for n in end.cuts[::-1] if n != shortest and 2 * n > shortest)]
+
+    if both and not all(any(end.begun(n).promising for n in planned(end)) for end in every):
+        return []
+    for end in every:
+        end.tried = planned(end)
+        end.searched(end.tried, 1)
+        if both and not end.found and (not end.tried or end.begun(end.tried[0]).hopeless):
             return []
     failed = [end for end in every if not end.found]
     if both and failed and (len(failed) > 1 or len(changes) == 1):
@@ -102,15 +109,23 @@ class _End:
 
     def searched(self, lengths: list[int], effort: int = 0) -> bool:
         """Whether a rigid outline explains one of some lengths: the first such becomes the best."""
-        total = len(self.scans.k)
         for length in lengths:
-            some = range(total - length, total) if self.last else range(length)
-            starts = self.starts.setdefault(length, Starts(self.scans.of(np.array(some))))
-            one = rigid_stretch(starts, self.distribution, effort)
+            one = rigid_stretch(self.begun(length), self.distribution, effort)
             if one is not None:
-                self.best = some, one
+                self.best = self.scans_of(length), one
                 return True
         return False
+
+    def scans_of(self, length: int) -> range:
+        """Return the scans of so long a stretch."""
+        total = len(self.scans.k)
+        return range(total - length, total) if self.last else range(length)
+
+    def begun(self, length: int) -> Starts:
+        """Return what a search of so long a stretch begins with."""
+        if length not in self.starts:
+            self.starts[length] = Starts(self.scans.of(np.array(self.scans_of(length))))
+        return self.starts[length]
 
 
 def _sudden_changes(scans: RigidScans) -> IntArray:
