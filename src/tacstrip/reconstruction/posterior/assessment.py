@@ -34,7 +34,7 @@ ENOUGH = 0.77  # confidence of the least certain "ok": all of them together are 
 ENOUGH_OF_FEW = 0.85  # with both signatures on fewer than `ENOUGH_STRIPS`: many are hardly surer
 # With one signature, where many are hardly surer than that.
 ENOUGH_OF_ONE: Mapping[Effort, float] = {"thorough": 0.72, "fast": 0.52}
-_EVALUATIONS = {"thorough": 240_000, "fast": 14_000}
+_EVALUATIONS = {"thorough": 300_000, "fast": 14_000}
 # Both signatures on fewer strips leave outlines of more corners open, which so few draws would miss.
 _HELD_STRIPS, _EVALUATIONS_OF_FEW = 5, 56_000
 _KEPT = {"thorough": 240, "fast": 100}
