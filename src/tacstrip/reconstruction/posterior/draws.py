@@ -81,6 +81,11 @@ class Draws:
         half = 0.5 * self.problem.pitch
         return self.window[0] > _AWAY - half or self.window[3] < 1.0 + half - _AWAY
 
+    @property
+    def misfit(self) -> float:
+        """Squared residuals over sigma^2 that the best polygon leaves, a reading: about 1 where noise explains them."""
+        return float(self.samples.squares.min()) / self.problem.readings
+
     def ends_of(self, lower: FloatArray, upper: FloatArray) -> FloatArray:
         """Return l and u (2, G) in the columns, of chains [mm]."""
         return column_ends(self.problem, self.x, lower, upper)
