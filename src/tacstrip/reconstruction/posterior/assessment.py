@@ -54,7 +54,7 @@ _ODDS: dict[str, dict[str, tuple[float, ...]]] = {
         ),
         _ELLIPSE + _RIVALS: (-2.464, -0.016, 0.514, -0.893, -2.197, 1.718, 0.318, 1.321, 0.620, -0.238),
         _REGULAR: (-4.528, 1.051, -0.267, 0.565, 0.750, -0.523, -0.077, -6.301, -0.284, 0.151),
-        _ROUNDED: (-3.877, 0.310, -0.318, -0.460, 0.266, 0.647, 1.558, 0.373, 5.415, -0.674),
+        _ROUNDED: (-2.722, 0.194, -0.300, 1.014, 0.210, 0.618, 1.678, 0.328),
         _POLYGON: (-1.957, 1.436, -0.346, -1.141, -30.5),
         _ELLIPSE: (-8.726, 2.087, 1.242, -3.0, -1.243),
     },
@@ -304,17 +304,14 @@ def doubts_of_rounded(
     """Return what tells whether one of the rounded outlines is right.
 
     How well others overlap it, what they leave of the readings, whether polygons and ellipses drawn overlap it, and how
-    many `corners` these take on average: what is rounded takes many. How slender it is; whether regular outlines,
-    where they explain the readings, overlap it; how many of the draws overlap it by `PROMISED_IOU`, and what these
-    leave.
+    many `corners` these take on average: what is rounded takes many. How slender it is; and whether regular outlines,
+    where they explain the readings, overlap it.
     """
     one = rounded.ends[best]
-    drawn_overlap = drawn.overlap(one)
-    overlaps = (rounded.overlap(one) @ rounded.weight, drawn_overlap @ drawn.weight)
+    overlaps = (rounded.overlap(one) @ rounded.weight, drawn.overlap(one) @ drawn.weight)
     among, across = (_log_odds(float(o)) for o in overlaps)
     of = [1.0, among, _misfit(rounded.misfit), across, _many(corners), _log_axis_ratio(one, drawn)]
-    alike = float((drawn_overlap >= PROMISED_IOU) @ drawn.weight)
-    return Doubts(_ROUNDED, np.array([*of, *_likeness(regular, one), alike, max(_misfit(drawn.misfit), 0.0)]))
+    return Doubts(_ROUNDED, np.array([*of, *_likeness(regular, one)]))
 
 
 def doubts_of_regular(
