@@ -33,7 +33,7 @@ PROMISED_IOU = 0.8  # of an outline that is "ok" with the true one
 ENOUGH = 0.77  # confidence of the least certain "ok": all of them together are right in 95 of 100 cases
 ENOUGH_OF_FEW = 0.85  # with both signatures on fewer than `ENOUGH_STRIPS`: many are hardly surer
 # With one signature, where many are hardly surer than that.
-ENOUGH_OF_ONE: Mapping[Effort, float] = {"thorough": 0.74, "fast": 0.52}
+ENOUGH_OF_ONE: Mapping[Effort, float] = {"thorough": 0.76, "fast": 0.57}
 _EVALUATIONS = {"thorough": 300_000, "fast": 14_000}
 # Both signatures on fewer strips leave outlines of more corners open, which so few draws would miss.
 _HELD_STRIPS, _EVALUATIONS_OF_FEW = 5, 56_000
@@ -60,7 +60,7 @@ _ODDS: dict[str, dict[str, tuple[float, ...]]] = {
     },
     "fast": {
         _FEW: (-3.293, 1.021, 2.035, -0.154),
-        _POLYGON: (-2.435, 1.151, -0.400, -0.179, -22.84),
+        _POLYGON: (-2.374, 1.453, -0.418, -0.276, -28.86),
         _ELLIPSE: (-8.863, 2.089, 1.232, -3.0, -1.293),
     },
 }
