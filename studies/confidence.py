@@ -1,18 +1,19 @@
 """Whether a confidence is what happens: statuses and confidences of drawn contacts against the truth.
 
 Run: python -m studies.confidence [--signatures one|both] [--assessment thorough|fast] [--cases 330] [--seed 1]
-    [--kinds concave] [--strips 5 11] [--area] [--families]
+    [--kinds concave] [--strips 5 11] [--area] [--families [--scored 905 906]]
 Prints how many `ok` are wrong ("silent"), how many right ones are doubted, what was right of each tenth of confidence,
 and the log odds by `assessment.doubts` that fit these cases best. `--families`: one signature on 12 strips or
 more, as many cases of each of `FAMILIES`, each reported by itself, and the log odds of all of them together: as the
-package's were found, but for few strips and for an ellipse at the border.
+package's were found, but for few strips and for an ellipse at the border. `--scored`: with the contacts that
+`studies.holdout.score --set convex --cases 600` counts as one signature's, of each of these seeds.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 from unittest import mock
@@ -101,12 +102,24 @@ def of_family(family: str, seed: int, count: int) -> list[Case]:
         kind, name = str(random.choice(_KINDS[family])), ONE[int(random.integers(len(ONE)))]
         drawn = holdout.single(random, kind, strips, (name,), holdout.log_uniform(random, 0.0005, 0.01))
         if drawn.strips >= strips - 1 >= ENOUGH_STRIPS:
-            unit, noise = drawn.unit, told_noise(replace(drawn, told=True))
-            on = shapely.box(0.0, 0.0, unit.strips * unit.pitch, unit.length)
-            truth, scan = shapely.Polygon(drawn.outlines[0]).intersection(on), unit.scan(drawn.read)
-            assert noise is not None
-            found.append(Case(kind, truth, unit.sensor, scan, noise, drawn.told, drawn.strips))
+            found.append(_case(drawn))
     return found
+
+
+def scored(seed: int, count: int = 600) -> Iterator[Case]:
+    """Draw the hold-out's convex contacts of one signature on 12 strips or more, with noise of at most 1 %."""
+    for number in range(count):
+        drawn = holdout.convex(holdout.rng("convex", seed, number))
+        if len(drawn.unit.names) == 1 and drawn.strips >= ENOUGH_STRIPS and drawn.half_width <= 0.01:
+            yield _case(drawn)
+
+
+def _case(drawn: holdout.Case) -> Case:
+    unit, noise = drawn.unit, told_noise(replace(drawn, told=True))
+    on = shapely.box(0.0, 0.0, unit.strips * unit.pitch, unit.length)
+    truth, scan = shapely.Polygon(drawn.outlines[0]).intersection(on), unit.scan(drawn.read)
+    assert noise is not None
+    return Case(drawn.group, truth, unit.sensor, scan, noise, drawn.told, drawn.strips)
 
 
 def judge(one: Case, effort: Effort, area: bool = False) -> Judged:
@@ -207,14 +220,17 @@ def main() -> None:
     parser.add_argument(
         "--families", action="store_true", help="each of FAMILIES by itself, and all together"
     )
+    parser.add_argument("--scored", type=int, nargs="*", default=(), help="with it: seeds of the hold-out's")
     asked = parser.parse_args()
     if asked.families:
-        every: list[Judged] = []
-        for family in FAMILIES:
-            found = [judge(one, asked.assessment) for one in of_family(family, asked.seed, asked.cases)]
-            sys.stdout.write(f"{family}: {report(found)}\n")
-            every += found
-        lines = odds_report(every, [w for w in FAMILIES.values() for _ in range(asked.cases)])
+        every, weights = list[Judged](), list[float]()
+        drawn_of = {family: of_family(family, asked.seed, asked.cases) for family in FAMILIES}
+        drawn_of["scored"] = [one for seed in asked.scored for one in scored(seed)]
+        for family, some in drawn_of.items():
+            found = [judge(one, asked.assessment) for one in some]
+            sys.stdout.write(f"{family}: {report(found)}\n" if found else "")
+            every, weights = every + found, weights + [FAMILIES.get(family, 1.0)] * len(found)
+        lines = odds_report(every, weights)
         sys.stdout.write("\n".join(lines) + "\n")
         return
     drawn = cases(asked.seed, asked.cases, asked.signatures, asked.strips, kinds=asked.kinds)

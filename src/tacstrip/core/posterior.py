@@ -22,7 +22,7 @@ VERTEX_COUNTS: Mapping[int, float] = {
     3: 0.16, 4: 0.24, 5: 0.18, 6: 0.14, 7: 0.10, 8: 0.07, 9: 0.04, 10: 0.03, 11: 0.02, 12: 0.02,
 }  # fmt: skip
 _RARE = -60.0  # log of how often other counts are met
-_HEAT = (1.0, 3.0, 9.0, 30.0)
+HEAT = (1.0, 3.0, 9.0, 30.0)
 
 
 def vertex_log_prior(counts: Mapping[int, float]) -> FloatArray:
@@ -125,7 +125,7 @@ def sample_outlines(
     steps: int,
     kept: int,
     seed: int = 0,
-    heat: Sequence[float] = _HEAT,
+    heat: Sequence[float] = HEAT,
 ) -> Samples | None:
     """Draw outlines by tempered reversible-jump Markov chains; the same seed gives the same ones.
 

@@ -33,8 +33,8 @@ PROMISED_IOU = 0.8  # of an outline that is "ok" with the true one
 ENOUGH = 0.77  # confidence of the least certain "ok": all of them together are right in 95 of 100 cases
 ENOUGH_OF_FEW = 0.85  # with both signatures on fewer than `ENOUGH_STRIPS`: many are hardly surer
 # With one signature, where many are hardly surer than that.
-ENOUGH_OF_ONE: Mapping[Effort, float] = {"thorough": 0.72, "fast": 0.52}
-_EVALUATIONS = {"thorough": 240_000, "fast": 14_000}
+ENOUGH_OF_ONE: Mapping[Effort, float] = {"thorough": 0.76, "fast": 0.57}
+_EVALUATIONS = {"thorough": 300_000, "fast": 14_000}
 # Both signatures on fewer strips leave outlines of more corners open, which so few draws would miss.
 HELD_STRIPS, _EVALUATIONS_OF_FEW = 5, 56_000
 _KEPT = {"thorough": 240, "fast": 100}
@@ -49,17 +49,18 @@ _ODDS: dict[str, dict[str, tuple[float, ...]]] = {
     "thorough": {
         _FEW: (-2.307, 1.368, 0.4, -0.211),
         _POLYGON + _RIVALS: (
-            *(-3.183, 0.253, -0.293, -1.091, -26.92, 0.236, 0.388, 1.441, -0.283, -0.143, 0.213, -0.025),
+            *(-3.495, 0.751, -0.324, -1.119, -21.43, 0.127, 0.337, 1.344, -0.229, -0.174, 0.247, -0.045),
+            -1.257,
         ),
-        _ELLIPSE + _RIVALS: (-2.419, 0.168, 0.395, -0.279, -1.850, 2.308, 0.366, 0.909, 0.333, -0.274),
-        _REGULAR: (-3.705, 0.848, -0.324, 0.592, 0.639, -0.422, -0.208, -5.146, -0.285, 0.149),
-        _ROUNDED: (-3.338, 0.454, -0.322, 0.785, 0.104, 0.642, 1.604, 0.406),
+        _ELLIPSE + _RIVALS: (-2.464, -0.016, 0.514, -0.893, -2.197, 1.718, 0.318, 1.321, 0.620, -0.238),
+        _REGULAR: (-4.528, 1.051, -0.267, 0.565, 0.750, -0.523, -0.077, -6.301, -0.284, 0.151),
+        _ROUNDED: (-2.722, 0.194, -0.300, 1.014, 0.210, 0.618, 1.678, 0.328),
         _POLYGON: (-1.957, 1.436, -0.346, -1.141, -30.5),
         _ELLIPSE: (-8.726, 2.087, 1.242, -3.0, -1.243),
     },
     "fast": {
         _FEW: (-3.293, 1.021, 2.035, -0.154),
-        _POLYGON: (-2.435, 1.151, -0.400, -0.179, -22.84),
+        _POLYGON: (-2.374, 1.453, -0.418, -0.276, -28.86),
         _ELLIPSE: (-8.863, 2.089, 1.232, -3.0, -1.293),
     },
 }
@@ -164,10 +165,9 @@ def assess(
     rivals = None
     free = area_mm2 is None and known_count is None
     if one and effort == "thorough" and free and run.problem.x.size >= ENOUGH_STRIPS:
-        least = float(drawn.samples.squares.min()) / drawn.problem.readings
         rivals = (
             draw_rounded(drawn.problem, drawn.window, drawn.x, ends),
-            draw_regular(drawn.problem, drawn.window, drawn.x, least),
+            draw_regular(drawn.problem, drawn.window, drawn.x, drawn.misfit),
         )
     if one or misses:
         fitting = drawn.fitting(known_count)
@@ -192,7 +192,7 @@ def assess(
         if rivals is not None:  # long chains: their counts tell more
             corners = float(vertex_counts(drawn.samples.outlines).mean())
         expected = float(drawn.overlap(ends) @ drawn.weight)
-        told_by = doubts(expected, run, better or run.model, corners, ends, drawn.at_border, rivals, faults)
+        told_by = doubts(expected, run, better or run.model, corners, ends, drawn, rivals, faults)
         confidence = told_by.probability(effort)
         confidence = min(confidence, _SHORT) if short else confidence
         if rivals is not None:
@@ -254,7 +254,7 @@ def doubts(
     model: OutlineModel | None,
     corners: float,
     ends: FloatArray,
-    at_border: bool = False,
+    drawn: Draws | None = None,
     rivals: tuple[RoundedDraws, RegularDraws] | None = None,
     faults: int = 0,
 ) -> Doubts:
@@ -276,8 +276,8 @@ def doubts(
         Of the outlines drawn, on average, where there are `rounded` ones; else of the outline.
     ends
         l and u of the outline over the strip in the draws' columns (2, G), both 0 outside.
-    at_border
-        Whether the contact may go on beyond the first strip or the last one.
+    drawn
+        The draws: whether the contact may go on beyond the first strip or the last one, and what polygons leave.
     rivals
         Rounded and regular outlines that explain the readings best, where they were drawn.
     faults
@@ -290,19 +290,21 @@ def doubts(
     if ellipse:
         kind, better = _ELLIPSE, math.log1p(max(run.ellipse_advantage, 0.0))
         left = run.residual_sums[0] / max(run.freedom, 1)
-        of = [1.0, odds, better, float(at_border), math.log(min(max(left, _SQUARES[0]), _SQUARES[1]))]
+        border = float(drawn is not None and drawn.at_border)
+        of = [1.0, odds, better, border, math.log(min(max(left, _SQUARES[0]), _SQUARES[1]))]
     else:
         kind, there = _POLYGON, ends[1] > ends[0]
         height = float(ends[1, there].max() - ends[0, there].min()) if there.any() else 0.0
         of = [1.0, odds, _many(corners), height, _left_out(run, faults)]
-    if rivals is not None:
+    if drawn is not None and rivals is not None:
         kind, (rounded, regular) = kind + _RIVALS, rivals
         of += [_misfit(rounded.misfit), _log_odds(float(rounded.weight @ rounded.overlap(ends)))]
         alike, unexplained = _likeness(regular, ends)
         of += [alike, _advantage(regular), math.log(run.sigma)]
-        # Where no regular one explains them, few corners are a polygon's, and many those of what is rounded.
+        # Where no regular one explains them, few corners are a polygon's, and many those of what is rounded; and where
+        # no polygon does, the outline is concave.
         if not ellipse:
-            of += [unexplained, unexplained * _many(corners)]
+            of += [unexplained, unexplained * _many(corners), max(_misfit(drawn.misfit), 0.0)]
     return Doubts(kind, np.array(of))
 
 

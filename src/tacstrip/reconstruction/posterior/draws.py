@@ -15,6 +15,7 @@ from tacstrip.core.model_selection import per_vertex_penalty
 from tacstrip.core.outline_model import OutlineModel
 from tacstrip.core.polygon_fit import PolygonFit, refine
 from tacstrip.core.posterior import (
+    HEAT,
     OutlinePrior,
     Samples,
     chains,
@@ -40,6 +41,7 @@ _CLIPPED = 4  # corners that come with cutting an outline at the strips' ends
 _SETTLED = 0.9  # IoU with the draw that the least-squares outline near it must have
 _OPENED = 0.1  # how far pointed ends are opened along the family of outlines that read alike
 _END_KINDS = ((0, 0), (0, 1), (1, 0), (1, 1))  # which ends are upright
+_HEAT_OF_ONE = (1.0, 2.0, 4.0)  # with one signature: outlines that explain it lie close to each other
 _BETWEEN = 0.05  # how often counts beside the known one are met
 _AWAY = 1e-9  # from half a pitch beyond the strips touched: nearer, the sensor ends
 _INSIDE = 0.98  # of its window: where an end begins
@@ -78,6 +80,11 @@ class Draws:
         """Whether an end is nearer to the sensor's first or last strip than to where the next one would be."""
         half = 0.5 * self.problem.pitch
         return self.window[0] > _AWAY - half or self.window[3] < 1.0 + half - _AWAY
+
+    @property
+    def misfit(self) -> float:
+        """Squared residuals over sigma^2 that the best polygon leaves, a reading: about 1 where noise explains them."""
+        return float(self.samples.squares.min()) / self.problem.readings
 
     def ends_of(self, lower: FloatArray, upper: FloatArray) -> FloatArray:
         """Return l and u (2, G) in the columns, of chains [mm]."""
@@ -194,7 +201,7 @@ def draw(
     prior = _prior(run, sensor, problem, sigma_known, area_mm2)
     if known_count is not None:
         prior = replace(prior, vertices=vertex_log_prior(_about(known_count)))
-    heat = (1.0, 3.0, 9.0, 30.0)
+    heat = _HEAT_OF_ONE if len(problem.k) == 1 else HEAT
     starts = _starts(run, problem, prior)
     samples = sample_outlines(problem, prior, starts, evaluations // len(heat), kept, seed, heat)
     if samples is None:
