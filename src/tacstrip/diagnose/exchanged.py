@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from itertools import combinations
 
 import numpy as np
 
@@ -37,6 +38,11 @@ _OFF_LINE = 0.75  # of the slope around: largest offset of two strips from the l
 # Different footprints of contacts that end between two strips, if all lie on one side, and at the sensor's edges.
 _FOOTPRINTS, _FOOTPRINTS_AT_EDGE = 5, 3
 _UNUSUAL = 2.0  # times the median misfit of all pairs
+_AWAY = 0.2  # of a strip's places: it is touched away from the contact
+_ELSEWHERE = 0.1  # over Vref: a strip this far off what its neighbours expect may be another
+# Of that: what is left with two exchanged; at the sensor's edges, which a contact may not reach.
+_FITS, _FITS_AT_EDGE = 0.35, 0.75
+_ONE_CONTACT = 0.3  # over Vref: neighbours further apart are not under one contact
 
 
 def swapped_wires(work: WorkingCopy) -> Iterator[Suspect]:
@@ -227,12 +233,17 @@ def _turn(work: WorkingCopy, strip: int) -> None:
 
 
 def swapped_strips(work: WorkingCopy) -> Iterator[Suspect]:
-    """Find neighbours in the wrong order, by the edges of contacts and by the slope of signatures across them."""
+    """Find strips that read what is over another, and neighbours in the wrong order.
+
+    The latter by the edges of contacts and by the slope of signatures across them.
+    """
+    yield from _exchanged_apart(work)
     slopes = {
         i: _Slope([p for v in work.k.values() if (p := neighbour_pair(v, i))], work.sigma)
         for i in range(work.strips - 1)
     }
     usual = float(np.median([t.misfit for t in slopes.values() if t.places] or [0.0]))
+    away = _away_from_contact(work.there)
     for strip, slope in slopes.items():
         against, left, right, gaps = _edges(work, strip)
         at_edge = strip in (0, work.strips - 2)  # contacts go on to one side of the two only
@@ -264,8 +275,12 @@ def swapped_strips(work: WorkingCopy) -> Iterator[Suspect]:
                 "edges": left + right,
             }
             two, explained = [strip, strip + 1], max(misfit - exchanged, 0.03)
-            repair = partial(_exchange, strip=strip)
-            yield work.suspect("swapped-strips", two, "; ".join(evidence), numbers, explained, repair=repair)
+            repair = partial(_exchange, one=strip, other=strip + 1)
+            suspect = work.suspect(
+                "swapped-strips", two, "; ".join(evidence), numbers, explained, repair=repair
+            )
+            # Further from where the contact is than one strip, it is no neighbour's place.
+            yield replace(suspect, doubtful=bool((away[two] > _AWAY).any()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -310,10 +325,56 @@ def _deviation(values: Sequence[FloatArray]) -> float:
     return float(np.sqrt(np.mean([np.var(v) for v in values]))) if values else 0.0
 
 
-def _exchange(work: WorkingCopy, strip: int) -> None:
+def _exchange(work: WorkingCopy, one: int, other: int) -> None:
     for array in (*work.k.values(), work.there):
-        array[:, [strip, strip + 1]] = array[:, [strip + 1, strip]]
-    work.order[[strip, strip + 1]] = work.order[[strip + 1, strip]]
+        array[:, [one, other]] = array[:, [other, one]]
+    work.order[[one, other]] = work.order[[other, one]]
+
+
+def _exchanged_apart(work: WorkingCopy) -> Iterator[Suspect]:
+    """Find two strips, not neighbours, each of which reads what the neighbours of the other expect."""
+    off = {i: misfits for i in range(work.strips) if (misfits := _misfits_there(work, i))[i] > _ELSEWHERE}
+    for one, other in combinations(off, 2):
+        now, then = (off[one][one], off[other][other]), (off[one][other], off[other][one])
+        if other - one < 2 or any(
+            b > (_FITS_AT_EDGE if i in (0, work.strips - 1) else _FITS) * a
+            for i, a, b in zip((one, other), now, then, strict=True)
+        ):
+            continue
+        evidence = (
+            f"each reads what the neighbours of the other expect: {100 * sum(now) / 2:.3g} % of Vref off where they "
+            f"are, {100 * sum(then) / 2:.2g} % with the two exchanged"
+        )
+        numbers = {"misfit": sum(now) / 2, "exchanged": sum(then) / 2}
+        repair = partial(_exchange, one=one, other=other)
+        yield work.suspect(
+            "swapped-strips", [one, other], evidence, numbers, sum(now) - sum(then), repair=repair
+        )
+
+
+def _misfits_there(work: WorkingCopy, strip: int) -> FloatArray:
+    """Return how far all strips' readings lie from what the neighbours of one expect, over Vref (strips,).
+
+    Where these are under one contact; a strip that counts as untouched then is as far off as any. 0 in too few places.
+    """
+    total = np.zeros(work.strips)
+    for name, values in work.k.items():
+        e, both, gap = work.prediction(name)
+        over = np.isfinite(e[:, strip]) & (gap[:, strip] < _ONE_CONTACT)
+        over &= both[:, strip] | (strip in (0, work.strips - 1))
+        if over.sum() < _FEW:
+            return np.zeros(work.strips)
+        off = np.nan_to_num(np.abs(values[over] - e[over, strip, None]), nan=_ONE_CONTACT)
+        total += np.minimum(off, _ONE_CONTACT).mean(axis=0) / len(work.k)
+    return total
+
+
+def _away_from_contact(there: BoolArray) -> FloatArray:
+    """Return in which share of its places a strip is touched and none of the next two on either side (strips,)."""
+    padded = np.pad(there, ((0, 0), (2, 2)))
+    beside = np.any([padded[:, i : i + there.shape[1]] for i in (0, 1, 3, 4)], axis=0)
+    alone = there & ~beside & (there.sum(axis=1, keepdims=True) > 1)
+    return np.asarray(alone.sum(axis=0) / np.maximum(there.sum(axis=0), 1))
 
 
 def _edges(work: WorkingCopy, strip: int) -> tuple[int, int, int, BoolArray]:
