@@ -10,7 +10,7 @@ import numpy as np
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.diagnose.channels import clipped, never_touched, not_moving, on_rails
 from tacstrip.diagnose.converter import common_ceiling, single_ceilings, stuck_bits, wrong_reference
-from tacstrip.diagnose.drift import drift
+from tacstrip.diagnose.drift import Drifts, drift
 from tacstrip.diagnose.exchanged import swapped_ends, swapped_strips, swapped_wires, tied_wires
 from tacstrip.diagnose.faults import FAULTS, Finding, Question, Report
 from tacstrip.diagnose.hum import hum
@@ -125,11 +125,11 @@ def _without_any_quarter(seen: _Examined, part: Log) -> tuple[tuple[Finding, ...
     have come in one quarter, for the most part. A question that never stands is dropped.
     """
     findings = {(f.fault, f.strips): "levels_at_rest" in f.numbers for f in seen.findings}
-    settled = {(f.fault, f.strips) for f in seen.findings if "quarters" in f.numbers}  # by the test itself
+    settled = {(fault, (i,)) for fault in _SLOW for i in seen.settled}
     asked = [{(cause, q.strips) for cause in q.causes} for q in seen.questions]
     every = {*findings, *(place for places in asked for place in places)}
     falls = dict.fromkeys(findings, 0)
-    stood = [False] * len(asked)
+    stood = [place <= settled for place in asked]
     quarter = np.arange(len(part.time_s)) * _QUARTERS // len(part.time_s)
     for out in range(_QUARTERS):
         sought = {place for place in findings if falls[place] <= _FALLS and place not in settled}
@@ -190,8 +190,9 @@ class _Examined:
     """What an examination finds, and what notes and all that was not checked are told by.
 
     findings: broken ones first; removed: those of them that were repaired in `rows`, a row for each place. notes: of
-    drift; least_drift: of each strip that would be told, over Vref (strips,). at_rest: whether, and how, strips that
-    nothing touches count as touched. unchecked: of intermittent contacts, bits and hum.
+    drift; least_drift: of each strip that would be told, over Vref (strips,); settled: strips whose drift needs no
+    quarters. at_rest: whether, and how, strips that nothing touches count as touched. unchecked: of intermittent
+    contacts, bits and hum.
     """
 
     findings: tuple[Finding, ...]
@@ -201,6 +202,7 @@ class _Examined:
     noise: NoiseEstimate
     notes: list[Finding]
     least_drift: FloatArray
+    settled: frozenset[int]
     at_rest: str
     unchecked: tuple[str, ...]
 
@@ -244,16 +246,13 @@ def _examined(part: Log, kinds: Set[str] = FAULTS.keys(), sought: Set[_Place] = 
     if "saturation" in kinds and not (pressed or ceiling or reference):
         faulty = {i for f in removed for i in f.strips}
         removed += [f for f in single_ceilings(part, sigma) if not faulty & set(f.strips)]
-    drifting: list[Finding] = []
-    moving: list[Question] = []
-    together: list[Finding] = []
-    least_drift = np.full(work.strips, np.inf)
+    slow = Drifts([], [], [], np.full(work.strips, np.inf))
     if kinds & {"drift", "wander"}:
         for suspect in named:
             suspect.repair(work)
         work.changed()
         timed = places(work, max(len(part.time_s) // _TIMED, 1))
-        drifting, moving, together, least_drift = drift(
+        slow = drift(
             part,
             timed,
             timed.time_s,
@@ -264,10 +263,10 @@ def _examined(part: Log, kinds: Set[str] = FAULTS.keys(), sought: Set[_Place] = 
     known = {i for f in removed for i in f.strips}
     # Hum is noise, too.
     noisy = [f for f in excess_noise(noise) if f.strips not in loud] if "noise" in kinds else []
-    late = [f for f in (*drifting, *noisy) if not pressed and not known & set(f.strips)]
+    late = [f for f in (*slow.findings, *noisy) if not pressed and not known & set(f.strips)]
     findings = [*bits, *reference, *ceiling, *removed, *humming, *late]
     asked = (
-        (*unsure, *_questions(rows, known, [*doubted, *moving]))
+        (*unsure, *_questions(rows, known, [*doubted, *slow.questions]))
         if geometric and not (pressed or ceiling)
         else ()
     )
@@ -277,8 +276,9 @@ def _examined(part: Log, kinds: Set[str] = FAULTS.keys(), sought: Set[_Place] = 
         removed=removed,
         rows=rows,
         noise=noise,
-        notes=together,
-        least_drift=least_drift,
+        notes=slow.notes,
+        least_drift=slow.least,
+        settled=slow.settled,
         at_rest=at_rest,
         unchecked=(
             "intermittent contacts: the rest level is not given" if at_rest and geometric else "",

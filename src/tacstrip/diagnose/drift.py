@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Set
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -80,9 +80,29 @@ class _Change:
     looks: int
 
 
-def drift(
-    log: Log, work: WorkingCopy, time_s: FloatArray, sought: Set[int] = frozenset()
-) -> tuple[list[Finding], list[Question], list[Finding], FloatArray]:
+@dataclass(frozen=True, eq=False)
+class Drifts:
+    """What strips do with time.
+
+    Attributes
+    ----------
+    findings, questions, notes
+        Drift and wander of single strips; of those that move a little against their neighbours under a contact, as its
+        shape may make them; drift of all together.
+    least
+        The least drift of each strip (strips,) that would be told, over Vref; infinite where none could be looked for.
+    settled
+        Strips whose verdict stands, or was doubted, without any quarter of the recording already.
+    """
+
+    findings: list[Finding]
+    questions: list[Question]
+    notes: list[Finding]
+    least: FloatArray
+    settled: frozenset[int] = frozenset()
+
+
+def drift(log: Log, work: WorkingCopy, time_s: FloatArray, sought: Set[int] = frozenset()) -> Drifts:
     """Find strips that drift or wander against the others: untouched, or relative to neighbours under one contact.
 
     Parameters
@@ -92,18 +112,12 @@ def drift(
     work, time_s
         Places, repaired, and when they were (places,) [s]; strips that drift are dropped from it.
     sought
-        Strips, if not all: under contacts no others are looked for once these have a verdict.
-
-    Returns
-    -------
-    findings, questions, notes, least
-        Drift of single strips; those that move a little against their neighbours under a contact, as its shape may make
-        them; drift of all together; and the least drift of each strip that would be told, over Vref, infinite where
-        none could be looked for (strips,).
+        Strips, if not all: under contacts no others are looked for once these have a verdict, and none against one
+        outline under all strips, which settles its verdicts by itself.
     """
     first, seconds = float(log.time_s.min()), float(np.ptp(log.time_s))
     if seconds <= 0.0:
-        return [], [], [], np.full(log.sensor.strips, np.inf)
+        return Drifts([], [], [], np.full(log.sensor.strips, np.inf))
     level, common, rests, untouched, noise = _levels_at_rest(log, work.order, (log.time_s - first) / seconds)
     checked = np.isfinite(level).sum(axis=0) >= _LOOKS
     least = np.where(checked, _DRIFT, np.inf)
@@ -119,26 +133,30 @@ def drift(
         evidence = f"untouched strips moved together by {100 * common:+.2g} % of Vref from start to end"
         notes.append(Finding("common-drift", (), evidence, {"change": common}))
     if not log.sensor.kind.closed_form:  # a sheet's strips shift each other
-        return found, [], notes, least
+        return Drifts(found, [], notes, least)
     for finding in found:
         work.drop(int(np.flatnonzero(work.order == finding.strips[0])[0]))
     asked: list[Question] = []
+    settled: set[int] = set()
     tau = (time_s - first) / seconds
-    at_rest_alone = bool(checked[log.touched.any(axis=0)].all())
+    outline = not (sought or checked[log.touched.any(axis=0)].all())
     for _ in range(_MOST_FOUND):
         if sought and sought <= {i for some in (found, asked) for verdict in some for i in verdict.strips}:
             break
         place, verdict, shown = _against_neighbours(work, tau)
-        if not isinstance(verdict, Finding) and not at_rest_alone:
+        if outline and not isinstance(verdict, Finding):
+            outline = False  # one fit, and the strip that stands out most
             other, better, also = _against_outline(work, tau)
-            place, verdict = (other, better) if better else (place, verdict)
+            if better is not None:
+                place, verdict = other, better
+                settled.add(verdict.strips[0])
             shown = np.minimum(shown, also)
         least[work.order] = np.minimum(least[work.order], shown)
         if verdict is None:
             break
         (found if isinstance(verdict, Finding) else asked).append(verdict)  # type: ignore[arg-type]
         work.drop(place)
-    return found, asked if len(asked) <= _MOST_ASKED else [], notes, least
+    return Drifts(found, asked if len(asked) <= _MOST_ASKED else [], notes, least, frozenset(settled))
 
 
 def _judged(one: _Change, strip: int) -> Finding | Question | None:
@@ -438,12 +456,11 @@ def _beyond_outline(
     if seen.sum() < max(_FEWEST_STRIPS, _MOST_SEEN * work.strips):
         return 0, None, nothing
     place, verdict, least = _outstanding(model, tau, seen, None)
-    if isinstance(verdict, Finding):
-        quarters = (_outstanding(model, tau, seen, quarter)[0] for quarter in range(_QUARTERS))
-        if all(at == place for at in quarters):
-            verdict = replace(verdict, numbers={**verdict.numbers, "quarters": float(_QUARTERS)})
-        else:
-            verdict = Question(verdict.strips, ("drift", "wander"), verdict.evidence)
+    if verdict is not None:
+        stands = [_outstanding(model, tau, seen, quarter)[0] == place for quarter in range(_QUARTERS)]
+        if not all(stands):
+            doubt = Question(verdict.strips, ("drift", "wander"), verdict.evidence)
+            verdict = doubt if any(stands) else None
     return place, verdict, least
 
 
@@ -464,7 +481,7 @@ def _outstanding(
     others, others_line = (
         _others(found, power, at, terms, model.sigma, some) for at, terms in ((by, _TERMS), (by_line, 1))
     )
-    one = model.explain(courses, trusted=by_line, without=without)
+    one = model.explain(courses, trusted=by_line) if quarter is None else found
     change = float(
         np.sqrt(12.0) * one.score[by_line * _TERMS] / max(one.power_of_groups(_TERMS)[by_line, 0, 0], 1e-12)
     )

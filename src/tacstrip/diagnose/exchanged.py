@@ -39,9 +39,9 @@ _OFF_LINE = 0.75  # of the slope around: largest offset of two strips from the l
 _FOOTPRINTS, _FOOTPRINTS_AT_EDGE = 5, 3
 _UNUSUAL = 2.0  # times the median misfit of all pairs
 _AWAY = 0.2  # of a strip's places: it is touched away from the contact
-_ELSEWHERE = 0.1  # over Vref: a strip this far off what its neighbours expect may be another
-# Of that: what is left with two exchanged; at the sensor's edges, which a contact may not reach.
-_FITS, _FITS_AT_EDGE = 0.35, 0.75
+_ELSEWHERE = 0.06  # over Vref: a strip this far off what its neighbours expect may be another
+_LEAVES = 0.2  # of what all strips are off, with two exchanged
+_APART = 0.1  # of that, which any other pair leaves beyond it
 _ONE_CONTACT = 0.3  # over Vref: neighbours further apart are not under one contact
 
 
@@ -332,40 +332,69 @@ def _exchange(work: WorkingCopy, one: int, other: int) -> None:
 
 
 def _exchanged_apart(work: WorkingCopy) -> Iterator[Suspect]:
-    """Find two strips, not neighbours, each of which reads what the neighbours of the other expect."""
-    off = {i: misfits for i in range(work.strips) if (misfits := _misfits_there(work, i))[i] > _ELSEWHERE}
-    for one, other in combinations(off, 2):
-        now, then = (off[one][one], off[other][other]), (off[one][other], off[other][one])
-        if other - one < 2 or any(
-            b > (_FITS_AT_EDGE if i in (0, work.strips - 1) else _FITS) * a
-            for i, a, b in zip((one, other), now, then, strict=True)
+    """Find two strips, not neighbours, that read what the neighbours of the other expect.
+
+    Of all such pairs the one whose exchange leaves least on all strips: others mirror the strips between the two.
+    """
+    was, edges = _misfits(work), (0, work.strips - 1)
+    off = {i: _misfits_there(work, i) for i in np.flatnonzero(was > _ELSEWHERE).tolist() if i not in edges}
+    if not off:
+        return
+    tries: list[tuple[FloatArray, tuple[int, int]]] = []
+    for one, other in combinations(sorted({*off, *edges}), 2):
+        if (
+            other - one < 2
+            or not {one, other} & off.keys()
+            or any(i in off and off[i][j] >= off[i][i] for i, j in ((one, other), (other, one)))
         ):
             continue
-        evidence = (
-            f"each reads what the neighbours of the other expect: {100 * sum(now) / 2:.3g} % of Vref off where they "
-            f"are, {100 * sum(then) / 2:.2g} % with the two exchanged"
-        )
-        numbers = {"misfit": sum(now) / 2, "exchanged": sum(then) / 2}
-        repair = partial(_exchange, one=one, other=other)
-        yield work.suspect(
-            "swapped-strips", [one, other], evidence, numbers, sum(now) - sum(then), repair=repair
-        )
+        parts = {name: values.copy() for name, values in work.k.items()}
+        tried = replace(work, k=parts, there=work.there.copy(), order=work.order.copy())
+        _exchange(tried, one, other)
+        tries.append((_misfits(tried), (one, other)))
+    if not tries:
+        return
+    usual = min(float(np.median(misfits)) for misfits, _ in tries) * work.strips  # of curved signatures
+    before = max(float(was.sum()) - usual, 1e-9)
+    left = sorted(((float(misfits.sum()) - usual) / before, pair) for misfits, pair in tries)
+    if left[0][0] > _LEAVES:
+        return
+    least, pair = left[0]
+    evidence = (
+        f"each reads what the neighbours of the other expect: exchanged, the two leave {100 * least:.2g} % of what all "
+        "strips are off their neighbours' lines"
+    )
+    repair = partial(_exchange, one=pair[0], other=pair[1])
+    explained = (1.0 - least) * float(was.sum())
+    suspect = work.suspect("swapped-strips", pair, evidence, {"left": least}, explained, repair=repair)
+    yield replace(suspect, doubtful=len(left) > 1 and left[1][0] < least + _APART)
 
 
-def _misfits_there(work: WorkingCopy, strip: int) -> FloatArray:
-    """Return how far all strips' readings lie from what the neighbours of one expect, over Vref (strips,).
+def _misfits(work: WorkingCopy) -> FloatArray:
+    """Return how far strips lie from what their neighbours under one contact expect, over Vref (strips,).
 
-    Where these are under one contact; a strip that counts as untouched then is as far off as any. 0 in too few places.
+    One that counts as untouched there is as far off as any, but at the sensor's edges, which a contact may not reach.
     """
     total = np.zeros(work.strips)
     for name, values in work.k.items():
         e, both, gap = work.prediction(name)
-        over = np.isfinite(e[:, strip]) & (gap[:, strip] < _ONE_CONTACT)
-        over &= both[:, strip] | (strip in (0, work.strips - 1))
-        if over.sum() < _FEW:
-            return np.zeros(work.strips)
+        over = both & (gap < _ONE_CONTACT)
+        over[:, [0, -1]] = np.isfinite(e + values)[:, [0, -1]]
+        off = np.nan_to_num(np.abs(values - e), nan=_ONE_CONTACT)
+        count = over.sum(axis=0)
+        mean = (over * np.minimum(off, _ONE_CONTACT)).sum(axis=0) / np.maximum(count, 1)
+        total += np.where(count >= _FEW, mean, 0.0) / len(work.k)
+    return total
+
+
+def _misfits_there(work: WorkingCopy, strip: int) -> FloatArray:
+    """Return how far all strips' readings lie from what the neighbours of one, inside, expect, likewise (strips,)."""
+    total = np.zeros(work.strips)
+    for name, values in work.k.items():
+        e, both, gap = work.prediction(name)
+        over = both[:, strip] & (gap[:, strip] < _ONE_CONTACT)
         off = np.nan_to_num(np.abs(values[over] - e[over, strip, None]), nan=_ONE_CONTACT)
-        total += np.minimum(off, _ONE_CONTACT).mean(axis=0) / len(work.k)
+        total += np.minimum(off, _ONE_CONTACT).sum(axis=0) / max(int(over.sum()), 1)
     return total
 
 

@@ -23,8 +23,9 @@ from tacstrip.sensor.constructions import SIGNATURES
 
 _VERTICES, _KNOTS = 24, 7  # of the outline; of the unevenness along a strip
 _OWN = 2 + _KNOTS  # numbers of a channel: offset, gain, unevenness
-_MOST_PLACES, _FEWEST_PLACES, _MOST_STRIPS = (
-    300,
+_MOST_PLACES, _MOST_JOINED, _FEWEST_PLACES, _MOST_STRIPS = (
+    200,
+    600,
     60,
     40,
 )  # wide units' strips lie closer: there bends are small
@@ -98,7 +99,7 @@ class RigidContact:
         Most of what three free numbers a place take away is given back to what strips do with time.
         """
         work, known, rows = self.work, *_usable(self.work)
-        rows = rows[np.linspace(0, len(rows) - 1, min(2 * _MOST_PLACES, len(rows))).astype(int)]
+        rows = rows[np.linspace(0, len(rows) - 1, min(_MOST_JOINED, len(rows))).astype(int)]
         at, strip = np.nonzero(known[rows])
         mine = np.zeros(len(self._poses), dtype=int)
         mine[self._pose_of] = self.place
