@@ -40,6 +40,7 @@ _FOOTPRINTS, _FOOTPRINTS_AT_EDGE = 5, 3
 _UNUSUAL = 2.0  # times the median misfit of all pairs
 _AWAY = 0.2  # of a strip's places: it is touched away from the contact
 _ELSEWHERE = 0.06  # over Vref: a strip this far off what its neighbours expect may be another
+_CURVED = 2.0  # times the median strip's: what curved signatures leave at the most
 _LEAVES = 0.2  # of what all strips are off, with two exchanged
 _APART = 0.1  # of that, which any other pair leaves beyond it
 _ONE_CONTACT = 0.3  # over Vref: neighbours further apart are not under one contact
@@ -354,9 +355,11 @@ def _exchanged_apart(work: WorkingCopy) -> Iterator[Suspect]:
         tries.append((_misfits(tried), (one, other)))
     if not tries:
         return
-    usual = min(float(np.median(misfits)) for misfits, _ in tries) * work.strips  # of curved signatures
-    before = max(float(was.sum()) - usual, 1e-9)
-    left = sorted(((float(misfits.sum()) - usual) / before, pair) for misfits, pair in tries)
+    usual = _CURVED * min(float(np.median(misfits)) for misfits, _ in tries)
+    before, *after = (
+        float(np.maximum(m - usual, 0.0).sum()) for m in (was, *(misfits for misfits, _ in tries))
+    )
+    left = sorted((m / max(before, 1e-9), pair) for m, (_, pair) in zip(after, tries, strict=True))
     if left[0][0] > _LEAVES:
         return
     least, pair = left[0]
@@ -378,7 +381,7 @@ def _misfits(work: WorkingCopy) -> FloatArray:
     total = np.zeros(work.strips)
     for name, values in work.k.items():
         e, both, gap = work.prediction(name)
-        over = both & (gap < _ONE_CONTACT)
+        over = both & (gap < _ONE_CONTACT) & np.isfinite(values).any(axis=0)  # but of dropped channels
         over[:, [0, -1]] = np.isfinite(e + values)[:, [0, -1]]
         off = np.nan_to_num(np.abs(values - e), nan=_ONE_CONTACT)
         count = over.sum(axis=0)
