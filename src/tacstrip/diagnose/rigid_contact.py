@@ -326,12 +326,15 @@ def _smooth_path(time_s: FloatArray) -> sparse.csr_matrix:
     """Return cubic splines over time (places,) [s], of each stay of the contact (places, numbers)."""
     step = np.diff(time_s)
     parts = []
-    for stay in np.split(time_s, np.flatnonzero(step > _PAUSE * np.median(step)) + 1):
+    for stay in np.split(time_s, np.flatnonzero((step > _PAUSE * np.median(step)) | (step < 0.0)) + 1):
+        number = np.arange(len(stay), dtype=float)
         if len(stay) < _SHORT:
             parts.append(sparse.identity(len(stay)))
             continue
-        knots = np.linspace(stay[0], stay[-1], max(1, len(stay) // _PLACES_A_KNOT) + 1)
-        parts.append(BSpline.design_matrix(stay, np.pad(knots, 3, "edge"), 3))
+        along = stay if (np.diff(stay) > 0.0).all() else number
+        # Places lie between any two knots.
+        knots = np.interp(np.linspace(0.0, number[-1], len(stay) // _PLACES_A_KNOT + 1), number, along)
+        parts.append(BSpline.design_matrix(along, np.pad(knots, 3, "edge"), 3))
     return sparse.block_diag(parts, "csr")
 
 
