@@ -147,8 +147,10 @@ def drift(log: Log, work: WorkingCopy, time_s: FloatArray, sought: Set[int] = fr
         if outline and not isinstance(verdict, Finding):
             outline = False  # one fit, and the strip that stands out most
             other, better, also = _against_outline(work, tau)
-            if better is not None:
+            # What bends ask about may be the contact's shape, which an outline knows.
+            if better is not None or (verdict is not None and np.isfinite(also[place])):
                 place, verdict = other, better
+            if verdict is not None and verdict is better:
                 settled.add(verdict.strips[0])
             shown = np.minimum(shown, also)
         least[work.order] = np.minimum(least[work.order], shown)
