@@ -147,8 +147,9 @@ def drift(log: Log, work: WorkingCopy, time_s: FloatArray, sought: Set[int] = fr
         if outline and not isinstance(verdict, Finding):
             outline = False  # one fit, and the strip that stands out most
             other, better, also = _against_outline(work, tau)
-            # What bends ask about may be the contact's shape, which an outline knows.
-            if better is not None or (verdict is not None and np.isfinite(also[place])):
+            # What bends ask about without a line may be the contact's shape, which an outline knows.
+            wanders = isinstance(verdict, Question) and verdict.causes[0] == "wander"
+            if better is not None or (wanders and np.isfinite(also[place])):
                 place, verdict = other, better
             if verdict is not None and verdict is better:
                 settled.add(verdict.strips[0])
@@ -182,7 +183,9 @@ def _judged(one: _Change, strip: int) -> Finding | Question | None:
         return Finding("drift", (strip,), drifted, {"change": one.change})
     if clear and straight < _LINE[0]:
         return Finding("wander", (strip,), wandered, {"wander": one.size})
-    return Question((strip,), ("drift", "wander"), wandered) if stands_out or perhaps else None
+    if not (stands_out or perhaps):
+        return None
+    return Question((strip,), ("drift", "wander") if line else ("wander", "drift"), wandered)
 
 
 def _levels_at_rest(
