@@ -78,7 +78,8 @@ def course_known(seed: int, number: int) -> Known:
     course -= course.mean()
     fits = [BendModel.fit(work, v) for v in work.k.values()]
     bends = [_z(m.explain(m.rows.effect(course[:, None])), m.sigma) for m in fits if m]
-    outline = RigidContact.fit(work)
+    half = RigidContact.fit(work)
+    outline = half and half.joined()
     against = [_z(outline.explain(course[:, None]), outline.sigma)] if outline else []
     far = np.abs(np.arange(work.strips) - strip) > _APART
     nothing = [np.zeros(work.strips)]
@@ -108,7 +109,8 @@ def shows(log: Log, sound: Log, strips: tuple[int, ...]) -> bool:
         power += own[:, 0] / model.sigma**2
         score += common[:, 0] / model.sigma**2
     every = [np.abs(score) / np.sqrt(np.maximum(power, 1e-9))]
-    if len(strips) == 1 and (outline := RigidContact.fit(work)):
+    if len(strips) == 1 and (half := RigidContact.fit(work)):
+        outline = half.joined()
         course = np.mean([np.nan_to_num(log.k[name] - sound.k[name])[:, strips[0]] for name in log.k], axis=0)
         every.append(_z(outline.explain(np.interp(work.time_s, log.time_s, course)[:, None]), outline.sigma))
     far = np.abs(np.arange(len(score)) - strips[0]) > _APART

@@ -12,10 +12,10 @@ _SENSOR = ts.Sensor(
 )
 
 
-def _recording(gap: bool = False) -> tuple[np.ndarray, np.ndarray]:
+def _recording(gap: bool = False, length: float = 0.08) -> tuple[np.ndarray, np.ndarray]:
     """Return times (scans,) and k_h, k_l over Vref (2, scans, strips) of a slanted bar dragged to and fro.
 
-    `gap`: of two bars side by side, a strip apart.
+    `gap`: of two bars side by side, a strip apart; `length`: of the bar along the strips, of theirs.
     """
     rng = np.random.default_rng(3)
     share = np.linspace(0.0, 1.0, _SCANS)
@@ -23,7 +23,9 @@ def _recording(gap: bool = False) -> tuple[np.ndarray, np.ndarray]:
     height = 0.5 + 0.25 * np.sin(2.0 * np.pi * 1.3 * share)
     slope = 0.015 * np.sin(2.0 * np.pi * 6.7 * share)
     off = np.arange(_STRIPS) + 0.5 - middle[:, None]
-    low, wide = height[:, None] + slope[:, None] * off - 0.04, 0.08
+    middle_of_it = height[:, None] + slope[:, None] * off
+    low, up = (np.clip(middle_of_it + side * length / 2.0, 0.0, 1.0) for side in (-1.0, 1.0))
+    wide = up - low
     there = (np.abs(off) < 3.2) & ~(gap & (np.abs(off) < 0.5))
     whole = 1.0 - wide / 2.0  # sensing strips of the same rubber
     k = np.stack([(low + wide / 2.0) / whole, low / whole])
@@ -68,6 +70,33 @@ def test_exchanged_wires_of_small_contacts(strip: int) -> None:
     k[:, :, strip] = k[::-1, :, strip].copy()
     findings, asked = _said(time_s, k)
     assert findings == [("swapped-wires", (strip,))] or (strip != 7 and asked == [(strip,)])
+
+
+def test_exchanged_wires_of_contacts_that_hang_over_an_end() -> None:
+    time_s, k = _recording(length=0.7)
+    k[:, :, 6] = k[::-1, :, 6].copy()
+    assert _said(time_s, k)[0] == [("swapped-wires", (6,))]
+
+
+def test_exchanged_strips_that_are_no_neighbours() -> None:
+    time_s, k = _recording()
+    k[:, :, [4, 11]] = k[:, :, [11, 4]]
+    assert _said(time_s, k) == ([("swapped-strips", (4, 11))], [])
+
+
+def test_three_strips_in_the_wrong_order_are_no_pair() -> None:
+    time_s, k = _recording()
+    k[:, :, [3, 8, 12]] = k[:, :, [8, 12, 3]]
+    assert not [strips for fault, strips in _said(time_s, k)[0] if fault == "swapped-strips"]
+
+
+def test_a_joint_that_drops_out_by_a_part() -> None:
+    time_s, k = _recording()
+    rng = np.random.default_rng(8)
+    out = (rng.random(_SCANS) < 0.1) & (k[0, :, 6] > 0.1)
+    k[0, out, 6] = rng.uniform(0.06, 0.2, int(out.sum()))
+    findings, asked = _said(time_s, k)
+    assert findings == [("intermittent", (6,))] or asked == [(6,)]
 
 
 def test_the_same_recording_without_a_fault() -> None:

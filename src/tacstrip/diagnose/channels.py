@@ -23,6 +23,7 @@ _RAIL = 0.012  # over Vref
 _NEAR_RAIL = 0.08  # over Vref: largest offset of a channel that lies on a rail
 _ALWAYS = 0.9  # of those places: an open end shows wherever the contact is
 _SHARE = 0.4  # of those places: elsewhere the contact bridges the break
+_OTHER_FITS = 0.5  # of a dead channel's misfit: what the strip's other channel has at most
 _SPREAD = 0.05  # over Vref: what the neighbours must move for a reading that does not
 _STAYS = 0.01  # over Vref: neighbours that move less in half of the places are covered wholly, too
 _MOVES = 0.2  # over Vref: what the neighbours must move for a reading that should, and does not
@@ -70,6 +71,8 @@ def on_rails(work: WorkingCopy) -> Iterator[Suspect]:
     if rest > floor:  # a free wire is pulled up, then
         free = np.abs(values - rest) <= max(near, _touch(work))
         single |= inside & free & ~free.all(axis=0) & (np.abs(e - rest) - gap > _INSIDE)
+    # Of exchanged wires the other channel is as far off its neighbours.
+    single &= ~(np.abs(r[::-1]) >= _OTHER_FITS * np.abs(r))
     known_places = inside.any(axis=0).sum(axis=0)
     sound = (np.isfinite(values).all(axis=0) & ~low.all(axis=0) & ~high.all(axis=0)).sum(axis=0)
     reads_well = sound > (1.0 - _ALWAYS) * np.maximum(work.there.sum(axis=0), 1)

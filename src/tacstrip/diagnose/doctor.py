@@ -10,7 +10,7 @@ import numpy as np
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.diagnose.channels import clipped, never_touched, not_moving, on_rails
 from tacstrip.diagnose.converter import common_ceiling, single_ceilings, stuck_bits, wrong_reference
-from tacstrip.diagnose.drift import drift
+from tacstrip.diagnose.drift import Drifts, drift
 from tacstrip.diagnose.exchanged import swapped_ends, swapped_strips, swapped_wires, tied_wires
 from tacstrip.diagnose.faults import FAULTS, Finding, Question, Report
 from tacstrip.diagnose.hum import hum
@@ -58,6 +58,7 @@ _BY_ALL_STRIPS = {"short", "drift", "wander"}  # what these do is held against w
 _EVEN, _LOST = 0.7, 0.01  # of the scans: that follow evenly, where so many may be missing without a word
 _TIMED = 256  # parts of a recording in which a resting contact is looked at for drift
 _FEWEST = 20  # places that determine an offset
+_SMALL_DRIFT = 0.01  # over Vref: where this would not be told, the report says so
 _EMPTY = 3  # scans of the strip's other channel that make an empty one a dead one
 _AT = 0.003  # over Vref: readings this near to a ceiling are not used
 _DISTURBED = 8  # strips: predictions of others reach four to either side
@@ -101,7 +102,7 @@ def diagnose(log: Log) -> Report:
         _pauses(log.time_s),
         *_not_checked(part, seen.rows, known, {i for q in questions for i in q.strips}),
         *seen.unchecked,
-        *_drift_not_checked(part, seen.checked, known),
+        *_drift_not_checked(part, seen.least_drift, known),
     ]
     return Report(
         findings=findings,
@@ -124,19 +125,20 @@ def _without_any_quarter(seen: _Examined, part: Log) -> tuple[tuple[Finding, ...
     have come in one quarter, for the most part. A question that never stands is dropped.
     """
     findings = {(f.fault, f.strips): "levels_at_rest" in f.numbers for f in seen.findings}
+    settled = {(fault, (i,)) for fault in _SLOW for i in seen.settled}
     asked = [{(cause, q.strips) for cause in q.causes} for q in seen.questions]
     every = {*findings, *(place for places in asked for place in places)}
     falls = dict.fromkeys(findings, 0)
-    stood = [False] * len(asked)
+    stood = [place <= settled for place in asked]
     quarter = np.arange(len(part.time_s)) * _QUARTERS // len(part.time_s)
     for out in range(_QUARTERS):
-        sought = {place for place in findings if falls[place] <= _FALLS}
+        sought = {place for place in findings if falls[place] <= _FALLS and place not in settled}
         sought |= {place for q, there in zip(asked, stood, strict=True) if not there for place in q}
         found, questions = _shown(part, quarter != out, every, sought)
         for place, at_rest in findings.items():
             # At rest no contact is a witness; without the first or the last quarter a drift is smaller, too.
             ends = at_rest and out in (0, _QUARTERS - 1)
-            falls[place] += place not in found | questions and not ends
+            falls[place] += place not in found | questions | settled and not ends
         stood = [there or bool(q & (found | questions)) for q, there in zip(asked, stood, strict=True)]
     stands = {place for place, times in falls.items() if not times}
     for place, times in falls.items():
@@ -188,8 +190,9 @@ class _Examined:
     """What an examination finds, and what notes and all that was not checked are told by.
 
     findings: broken ones first; removed: those of them that were repaired in `rows`, a row for each place. notes: of
-    drift; checked: which strips drift was looked for on (strips,). at_rest: whether, and how, strips that nothing
-    touches count as touched. unchecked: of intermittent contacts, bits and hum.
+    drift; least_drift: of each strip that would be told, over Vref (strips,); settled: strips whose drift needs no
+    quarters. at_rest: whether, and how, strips that nothing touches count as touched. unchecked: of intermittent
+    contacts, bits and hum.
     """
 
     findings: tuple[Finding, ...]
@@ -198,7 +201,8 @@ class _Examined:
     rows: WorkingCopy
     noise: NoiseEstimate
     notes: list[Finding]
-    checked: BoolArray
+    least_drift: FloatArray
+    settled: frozenset[int]
     at_rest: str
     unchecked: tuple[str, ...]
 
@@ -233,23 +237,22 @@ def _examined(part: Log, kinds: Set[str] = FAULTS.keys(), sought: Set[_Place] = 
         Question(s.finding.strips, (s.finding.fault,), s.finding.evidence) for s in named if s.doubtful
     ]
     named = [s for s in named if not s.doubtful]
-    # Strips in the wrong order have a gap at a contact's end.
+    # Strips in the wrong order have a gap at a contact's end, and so do, by them, those beside.
     exchanged = {i for s in named if s.finding.fault == "swapped-strips" for i in s.finding.strips}
-    loose = [f for f in loose if not exchanged & set(f.strips)]
+    beside = {i + side for i in exchanged for side in (-1, 0, 1)}
+    loose = [f for f in loose if not beside & set(f.strips)]
+    doubted = [q for q in doubted if "intermittent" not in q.causes or not beside & set(q.strips)]
     removed = [*pressed, *loose, *_silent_channels(part), *_merged([s.finding for s in named])]
     if "saturation" in kinds and not (pressed or ceiling or reference):
         faulty = {i for f in removed for i in f.strips}
         removed += [f for f in single_ceilings(part, sigma) if not faulty & set(f.strips)]
-    drifting: list[Finding] = []
-    moving: list[Question] = []
-    together: list[Finding] = []
-    checked = np.zeros(work.strips, dtype=bool)
+    slow = Drifts([], [], [], np.full(work.strips, np.inf))
     if kinds & {"drift", "wander"}:
         for suspect in named:
             suspect.repair(work)
         work.changed()
         timed = places(work, max(len(part.time_s) // _TIMED, 1))
-        drifting, moving, together, checked = drift(
+        slow = drift(
             part,
             timed,
             timed.time_s,
@@ -260,10 +263,10 @@ def _examined(part: Log, kinds: Set[str] = FAULTS.keys(), sought: Set[_Place] = 
     known = {i for f in removed for i in f.strips}
     # Hum is noise, too.
     noisy = [f for f in excess_noise(noise) if f.strips not in loud] if "noise" in kinds else []
-    late = [f for f in (*drifting, *noisy) if not pressed and not known & set(f.strips)]
+    late = [f for f in (*slow.findings, *noisy) if not pressed and not known & set(f.strips)]
     findings = [*bits, *reference, *ceiling, *removed, *humming, *late]
     asked = (
-        (*unsure, *_questions(rows, known, [*doubted, *moving]))
+        (*unsure, *_questions(rows, known, [*doubted, *slow.questions]))
         if geometric and not (pressed or ceiling)
         else ()
     )
@@ -273,8 +276,9 @@ def _examined(part: Log, kinds: Set[str] = FAULTS.keys(), sought: Set[_Place] = 
         removed=removed,
         rows=rows,
         noise=noise,
-        notes=together,
-        checked=checked,
+        notes=slow.notes,
+        least_drift=slow.least,
+        settled=slow.settled,
         at_rest=at_rest,
         unchecked=(
             "intermittent contacts: the rest level is not given" if at_rest and geometric else "",
@@ -450,11 +454,17 @@ def _pauses(time_s: FloatArray) -> str:
     return f"{lost} scans are missing in {int(pause.sum())} gap(s) of the recording, the longest of {longest:.3g} s"
 
 
-def _drift_not_checked(log: Log, checked: BoolArray, ill: set[int]) -> Iterator[str]:
-    alive = ~checked & log.touched.any(axis=0)
-    missing = [int(i) + log.sensor.strip_base for i in np.flatnonzero(alive) if i not in ill]
-    if missing:
-        yield f"drift of {_names(missing)}: go over the same places again, early and late in the recording"
+def _drift_not_checked(log: Log, least: FloatArray, ill: set[int]) -> Iterator[str]:
+    base = log.sensor.strip_base
+    mine = log.touched.any(axis=0) & ~np.isin(np.arange(log.sensor.strips), list(ill))
+    again = "go over the same places again, early and late in the recording"
+    if (missing := np.flatnonzero(mine & np.isinf(least))).size:
+        yield f"drift of {_names([int(i) + base for i in missing])}: {again}"
+    small = np.flatnonzero(mine & np.isfinite(least) & (least > _SMALL_DRIFT))
+    if small.size:
+        most = f"{100 * float(least[small].max()):.2g} % of Vref"
+        more = again if log.sensor.rest_volt is not None else f"log untouched strips (rest_volt), or {again}"
+        yield f"drift of {_names([int(i) + base for i in small])} by less than up to {most}: {more}"
 
 
 def _names(strips: list[int]) -> str:

@@ -48,11 +48,12 @@ _GAIN_ASKED, _OUTSTANDING_ASKED, _CERTAIN_ASKED = 100.0, 1.4, 2.4
 _GAIN_FAR_OUT, _FAR_OUT = 60.0, 3.0  # asked, whatever looks say: they are few
 _GAIN_OF_LINE_ASKED, _OUTSTANDING_LINE_ASKED, _CERTAIN_OF_LINE_ASKED = 50.0, 2.5, 1.0
 # Against one rigid outline under all strips, which holds the shape: what of it is left is far less than of bends.
-_FITS = 1.7  # times the noise that a rigid outline leaves at the most
-_BEYOND, _BEYOND_LINE = (80.0, 2.6, 0.003), (40.0, 3.5, 0.004)  # gain, times the next strip's, over Vref
+_FITS_LOOSELY, _FITS = 3.0, 1.7  # times the noise that a rigid outline leaves at the most, on a smooth path
+_QUARTERS = 4  # of the recording
+_BEYOND, _BEYOND_LINE = (120.0, 2.6, 0.003), (50.0, 3.5, 0.004)  # gain, times the next strip's, over Vref
 _MOST_SEEN = 0.8  # of the strips: parts that no contact joins are outlines of their own
 _FEWEST_BESIDE = 8  # readings of a strip that may have done what is seen of another
-_BEYOND_ASKED, _BEYOND_LINE_ASKED = (50.0, 1.55, 0.004), (25.0, 2.4, 0.005)
+_BEYOND_ASKED, _BEYOND_LINE_ASKED = (80.0, 1.8, 0.004), (30.0, 2.4, 0.005)
 _LINE = (0.35, 0.6)  # of a change's gain that a line explains: less is wander, more drift
 _MOST_FOUND, _MOST_ASKED = 4, 2  # strips
 _MIDDLE = (np.arange(_BLOCKS) + 0.5) / _BLOCKS
@@ -79,9 +80,29 @@ class _Change:
     looks: int
 
 
-def drift(
-    log: Log, work: WorkingCopy, time_s: FloatArray, sought: Set[int] = frozenset()
-) -> tuple[list[Finding], list[Question], list[Finding], BoolArray]:
+@dataclass(frozen=True, eq=False)
+class Drifts:
+    """What strips do with time.
+
+    Attributes
+    ----------
+    findings, questions, notes
+        Drift and wander of single strips; of those that move a little against their neighbours under a contact, as its
+        shape may make them; drift of all together.
+    least
+        The least drift of each strip (strips,) that would be told, over Vref; infinite where none could be looked for.
+    settled
+        Strips whose verdict stands, or was doubted, without any quarter of the recording already.
+    """
+
+    findings: list[Finding]
+    questions: list[Question]
+    notes: list[Finding]
+    least: FloatArray
+    settled: frozenset[int] = frozenset()
+
+
+def drift(log: Log, work: WorkingCopy, time_s: FloatArray, sought: Set[int] = frozenset()) -> Drifts:
     """Find strips that drift or wander against the others: untouched, or relative to neighbours under one contact.
 
     Parameters
@@ -91,19 +112,17 @@ def drift(
     work, time_s
         Places, repaired, and when they were (places,) [s]; strips that drift are dropped from it.
     sought
-        Strips, if not all: under contacts no others are looked for once these have a verdict.
-
-    Returns
-    -------
-    findings, questions, notes, checked
-        Drift of single strips; those that move a little against their neighbours under a contact, as its shape may make
-        them; drift of all together; and which strips could be looked at (strips,).
+        Strips, if not all: under contacts no others are looked for once these have a verdict, and none against one
+        outline under all strips, which settles its verdicts by itself.
     """
     first, seconds = float(log.time_s.min()), float(np.ptp(log.time_s))
     if seconds <= 0.0:
-        return [], [], [], np.zeros(log.sensor.strips, dtype=bool)
+        return Drifts([], [], [], np.full(log.sensor.strips, np.inf))
     level, common, rests, untouched, noise = _levels_at_rest(log, work.order, (log.time_s - first) / seconds)
     checked = np.isfinite(level).sum(axis=0) >= _LOOKS
+    least = np.where(checked, _DRIFT, np.inf)
+    for i in np.flatnonzero(checked).tolist():
+        least[i] = max(_DRIFT, _BEYOND_NOISE * _slope_sigma(level[:, i], noise[:, i]))
     found = [
         f
         for f in _outstanding_at_rest(level, untouched, noise, work.order)
@@ -114,25 +133,33 @@ def drift(
         evidence = f"untouched strips moved together by {100 * common:+.2g} % of Vref from start to end"
         notes.append(Finding("common-drift", (), evidence, {"change": common}))
     if not log.sensor.kind.closed_form:  # a sheet's strips shift each other
-        return found, [], notes, checked
+        return Drifts(found, [], notes, least)
     for finding in found:
         work.drop(int(np.flatnonzero(work.order == finding.strips[0])[0]))
     asked: list[Question] = []
+    settled: set[int] = set()
     tau = (time_s - first) / seconds
-    at_rest_alone = bool(checked[log.touched.any(axis=0)].all())
+    outline = not (sought or checked[log.touched.any(axis=0)].all())
     for _ in range(_MOST_FOUND):
         if sought and sought <= {i for some in (found, asked) for verdict in some for i in verdict.strips}:
             break
-        place, verdict, seen = _against_neighbours(work, tau)
-        if not isinstance(verdict, Finding) and not at_rest_alone:
+        place, verdict, shown = _against_neighbours(work, tau)
+        if outline and not isinstance(verdict, Finding):
+            outline = False  # one fit, and the strip that stands out most
             other, better, also = _against_outline(work, tau)
-            place, verdict, seen = (other, better, seen | also) if better else (place, verdict, seen | also)
-        checked[work.order[seen]] = True
+            # What bends ask about without a line may be the contact's shape, which an outline knows.
+            wanders = isinstance(verdict, Question) and verdict.causes[0] == "wander"
+            if better is not None or (wanders and np.isfinite(also[place])):
+                place, verdict = other, better
+            if verdict is not None and verdict is better:
+                settled.add(verdict.strips[0])
+            shown = np.minimum(shown, also)
+        least[work.order] = np.minimum(least[work.order], shown)
         if verdict is None:
             break
         (found if isinstance(verdict, Finding) else asked).append(verdict)  # type: ignore[arg-type]
         work.drop(place)
-    return found, asked if len(asked) <= _MOST_ASKED else [], notes, checked
+    return Drifts(found, asked if len(asked) <= _MOST_ASKED else [], notes, least, frozenset(settled))
 
 
 def _judged(one: _Change, strip: int) -> Finding | Question | None:
@@ -156,7 +183,9 @@ def _judged(one: _Change, strip: int) -> Finding | Question | None:
         return Finding("drift", (strip,), drifted, {"change": one.change})
     if clear and straight < _LINE[0]:
         return Finding("wander", (strip,), wandered, {"wander": one.size})
-    return Question((strip,), ("drift", "wander"), wandered) if stands_out or perhaps else None
+    if not (stands_out or perhaps):
+        return None
+    return Question((strip,), ("drift", "wander") if line else ("wander", "drift"), wandered)
 
 
 def _levels_at_rest(
@@ -347,12 +376,16 @@ def _beside(there: BoolArray) -> BoolArray:
 
 def _against_neighbours(
     work: WorkingCopy, tau: FloatArray
-) -> tuple[int, Finding | Question | None, BoolArray]:
-    """Return the verdict on what explains most of what bends do with time: its place, it, and which were seen."""
+) -> tuple[int, Finding | Question | None, FloatArray]:
+    """Return the verdict on what explains most of what bends do with time: its place, it, and the least drift told.
+
+    That of each strip (strips,) over Vref.
+    """
     time = _courses(tau)
     seen = np.zeros(work.strips, dtype=bool)
     signals = list(work.k.values())
     every: list[_Change] = []
+    least = np.full(work.strips, np.inf)
     for values in (*signals, *([np.mean(signals, axis=0)] if len(signals) > 1 else [])):
         model = BendModel.fit(work, values, contact=True)
         if model is None:
@@ -364,6 +397,7 @@ def _against_neighbours(
         shown = _shown_at(work.strips)
         seen |= ((np.diff(model.rows.edges) >= _FEWEST) & _spans(model.rows, tau))[shown]
         gain[~seen], line[~seen] = 0.0, 0.0
+        least = np.minimum(least, _least(power, line, seen, model.sigma, (_GAIN_OF_LINE, _OUTSTANDING_LINE)))
         for by in {int(np.argmax(gain)), int(np.argmax(line))}:
             change = _looked_at(model, found, columns, by, tau, work)
             if change is None:
@@ -377,10 +411,10 @@ def _against_neighbours(
                                  certain_of_line, looks))  # fmt: skip
     # Of fewer strips there are no others to hold one against.
     if seen.sum() < _FEWEST_STRIPS:
-        return 0, None, np.zeros_like(seen)
+        return 0, None, np.full(work.strips, np.inf)
     every.sort(key=lambda one: -one.gain)
     judged = ((one.place, _judged(one, int(work.order[one.place]))) for one in every)
-    return *next((pair for pair in judged if pair[1]), (0, None)), seen
+    return *next((pair for pair in judged if pair[1]), (0, None)), least
 
 
 def _courses(tau: FloatArray) -> FloatArray:
@@ -389,19 +423,19 @@ def _courses(tau: FloatArray) -> FloatArray:
     return np.stack([np.sqrt(12.0) * (tau - 0.5), *waves], axis=1)
 
 
-def _against_outline(work: WorkingCopy, tau: FloatArray) -> tuple[int, Finding | Question | None, BoolArray]:
-    """Return what one strip does beyond a rigid outline under all: its place, the verdict, and which were seen.
+def _against_outline(work: WorkingCopy, tau: FloatArray) -> tuple[int, Finding | Question | None, FloatArray]:
+    """Return what one strip does beyond a rigid outline under all: its place, the verdict, and the least drift told.
 
     Two fits, to halves of the places, have to blame one strip: a fit may end in a wrong minimum.
     """
     said: list[tuple[int, Finding | Question]] = []
-    every = np.zeros(work.strips, dtype=bool)
+    every = np.full(work.strips, np.inf)
     for part in range(2):
-        place, verdict, seen = _beyond_outline(work, tau, part)
-        every |= seen
+        place, verdict, least = _beyond_outline(work, tau, part)
+        every = np.minimum(every, least)
         if verdict is not None:
             said.append((place, verdict))
-        elif seen.any():
+        elif np.isfinite(least).any():
             return 0, None, every
     if not said or len({place for place, _ in said}) > 1:
         return 0, None, every
@@ -414,43 +448,75 @@ def _against_outline(work: WorkingCopy, tau: FloatArray) -> tuple[int, Finding |
 
 def _beyond_outline(
     work: WorkingCopy, tau: FloatArray, part: int
-) -> tuple[int, Finding | Question | None, BoolArray]:
-    """Return the same of one half of the places."""
-    model = RigidContact.fit(work, part)
-    nothing = np.zeros(work.strips, dtype=bool)
-    if model is None or model.sigma > _FITS * work.sigma or not model.moves():
+) -> tuple[int, Finding | Question | None, FloatArray]:
+    """Return the same of an outline that was fitted to one half of the places first."""
+    half = RigidContact.fit(work, part)
+    nothing = np.full(work.strips, np.inf)
+    if half is None or half.sigma > _FITS_LOOSELY * work.sigma or not half.moves():
         return 0, None, nothing
-    counts = np.bincount(model.strip, minlength=work.strips)
-    seen = (counts >= _FEWEST) & _spans(model, tau)
+    model = half.joined()
+    if model.sigma > _FITS * work.sigma:
+        return 0, None, nothing
+    seen = (np.bincount(model.strip, minlength=work.strips) >= _FEWEST) & _spans(model, tau)
     if seen.sum() < max(_FEWEST_STRIPS, _MOST_SEEN * work.strips):
         return 0, None, nothing
-    found = model.explain(_courses(tau))
+    place, verdict, least = _outstanding(model, tau, seen, None)
+    if verdict is not None:
+        stands = [_outstanding(model, tau, seen, quarter)[0] == place for quarter in range(_QUARTERS)]
+        if not all(stands):
+            doubt = Question(verdict.strips, ("drift", "wander"), verdict.evidence)
+            verdict = doubt if any(stands) else None
+    return place, verdict, least
+
+
+def _outstanding(
+    model: RigidContact, tau: FloatArray, seen: BoolArray, quarter: int | None
+) -> tuple[int, Finding | Question | None, FloatArray]:
+    """Return the verdict on what one strip does beyond an outline, its place, -1 of none, and the least drift told.
+
+    Without a quarter of the recording, if one is given: what hangs on one visit does not show in each of these.
+    """
+    work, courses = model.work, _courses(tau)
+    without = slice(0, 0) if quarter is None else model.part(quarter, _QUARTERS)
+    found = model.explain(courses, without=without)
     power = found.power_of_groups(_TERMS)
-    some = counts >= _FEWEST_BESIDE
+    some = np.bincount(model.strip, minlength=work.strips) >= _FEWEST_BESIDE
     gain, line = (np.where(some, _gains(found, power, terms, model.sigma), 0.0) for terms in (_TERMS, 1))
     by, by_line = int(np.argmax(gain)), int(np.argmax(line))
     others, others_line = (
         _others(found, power, at, terms, model.sigma, some) for at, terms in ((by, _TERMS), (by_line, 1))
     )
-    one = model.explain(_courses(tau), trusted=by_line)
+    one = model.explain(courses, trusted=by_line) if quarter is None else found
     change = float(
         np.sqrt(12.0) * one.score[by_line * _TERMS] / max(one.power_of_groups(_TERMS)[by_line, 0, 0], 1e-12)
     )
     size = _size(power[by], float(gain[by]), model.sigma)
     whole, straight = (gain[by], gain[by] / max(others, 1e-9), size), float(line[by] / max(gain[by], 1e-9))
     lines = line[by_line], line[by_line] / max(others_line, 1e-9), abs(change)
+    least = _least(power, line, seen, model.sigma, _BEYOND_LINE[:2])
     against = "against one rigid contact under all strips"
     drifted = f"moved by about {100 * change:+.1g} % of Vref from start to end, {against}"
     wandered = f"wanders by +-{100 * size:.2g} % of Vref {against}"
     if seen[by] and _beyond(whole, _BEYOND) and straight < _LINE[0]:
-        return by, Finding("wander", (int(work.order[by]),), wandered, {"wander": size}), seen
+        return by, Finding("wander", (int(work.order[by]),), wandered, {"wander": size}), least
     if seen[by_line] and _beyond(lines, _BEYOND_LINE):
-        return by_line, Finding("drift", (int(work.order[by_line]),), drifted, {"change": change}), seen
+        return by_line, Finding("drift", (int(work.order[by_line]),), drifted, {"change": change}), least
     if _beyond(lines, _BEYOND_LINE_ASKED):
-        return by_line, Question((int(work.order[by_line]),), ("drift", "wander"), drifted), seen
+        return by_line, Question((int(work.order[by_line]),), ("drift", "wander"), drifted), least
     if _beyond(whole, _BEYOND_ASKED):
-        return by, Question((int(work.order[by]),), ("drift", "wander"), wandered), seen
-    return 0, None, seen
+        return by, Question((int(work.order[by]),), ("drift", "wander"), wandered), least
+    return -1, None, least
+
+
+def _least(
+    power: FloatArray, line: FloatArray, seen: BoolArray, sigma: float, clear: tuple[float, ...]
+) -> FloatArray:
+    """Return the least drift that would be told of each strip (strips,) over Vref, infinite of those not seen.
+
+    `clear`: the gain of a line that is told, and how many times the next strip's, which noise and shape make.
+    """
+    gain = max(clear[0], clear[1] * float(line.max()))
+    return np.where(seen, sigma * np.sqrt(12.0 * gain / np.maximum(power[:, 0, 0], 1e-12)), np.inf)
 
 
 def _beyond(shown: tuple[float, ...], least: tuple[float, ...]) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from itertools import combinations
 
 import numpy as np
 
@@ -37,6 +38,12 @@ _OFF_LINE = 0.75  # of the slope around: largest offset of two strips from the l
 # Different footprints of contacts that end between two strips, if all lie on one side, and at the sensor's edges.
 _FOOTPRINTS, _FOOTPRINTS_AT_EDGE = 5, 3
 _UNUSUAL = 2.0  # times the median misfit of all pairs
+_AWAY = 0.2  # of a strip's places: it is touched away from the contact
+_ELSEWHERE = 0.06  # over Vref: a strip this far off what its neighbours expect may be another
+_CURVED = 2.0  # times the median strip's: what curved signatures leave at the most
+_LEAVES = 0.2  # of what all strips are off, with two exchanged
+_APART = 0.1  # of that, which any other pair leaves beyond it
+_ONE_CONTACT = 0.3  # over Vref: neighbours further apart are not under one contact
 
 
 def swapped_wires(work: WorkingCopy) -> Iterator[Suspect]:
@@ -227,12 +234,17 @@ def _turn(work: WorkingCopy, strip: int) -> None:
 
 
 def swapped_strips(work: WorkingCopy) -> Iterator[Suspect]:
-    """Find neighbours in the wrong order, by the edges of contacts and by the slope of signatures across them."""
+    """Find strips that read what is over another, and neighbours in the wrong order.
+
+    The latter by the edges of contacts and by the slope of signatures across them.
+    """
+    yield from _exchanged_apart(work)
     slopes = {
         i: _Slope([p for v in work.k.values() if (p := neighbour_pair(v, i))], work.sigma)
         for i in range(work.strips - 1)
     }
     usual = float(np.median([t.misfit for t in slopes.values() if t.places] or [0.0]))
+    away = _away_from_contact(work.there)
     for strip, slope in slopes.items():
         against, left, right, gaps = _edges(work, strip)
         at_edge = strip in (0, work.strips - 2)  # contacts go on to one side of the two only
@@ -264,8 +276,12 @@ def swapped_strips(work: WorkingCopy) -> Iterator[Suspect]:
                 "edges": left + right,
             }
             two, explained = [strip, strip + 1], max(misfit - exchanged, 0.03)
-            repair = partial(_exchange, strip=strip)
-            yield work.suspect("swapped-strips", two, "; ".join(evidence), numbers, explained, repair=repair)
+            repair = partial(_exchange, one=strip, other=strip + 1)
+            suspect = work.suspect(
+                "swapped-strips", two, "; ".join(evidence), numbers, explained, repair=repair
+            )
+            # Further from where the contact is than one strip, it is no neighbour's place.
+            yield replace(suspect, doubtful=bool((away[two] > _AWAY).any()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -310,10 +326,87 @@ def _deviation(values: Sequence[FloatArray]) -> float:
     return float(np.sqrt(np.mean([np.var(v) for v in values]))) if values else 0.0
 
 
-def _exchange(work: WorkingCopy, strip: int) -> None:
+def _exchange(work: WorkingCopy, one: int, other: int) -> None:
     for array in (*work.k.values(), work.there):
-        array[:, [strip, strip + 1]] = array[:, [strip + 1, strip]]
-    work.order[[strip, strip + 1]] = work.order[[strip + 1, strip]]
+        array[:, [one, other]] = array[:, [other, one]]
+    work.order[[one, other]] = work.order[[other, one]]
+
+
+def _exchanged_apart(work: WorkingCopy) -> Iterator[Suspect]:
+    """Find two strips, not neighbours, that read what the neighbours of the other expect.
+
+    Of all such pairs the one whose exchange leaves least on all strips: others mirror the strips between the two.
+    """
+    was, edges = _misfits(work), (0, work.strips - 1)
+    off = {i: _misfits_there(work, i) for i in np.flatnonzero(was > _ELSEWHERE).tolist() if i not in edges}
+    if not off:
+        return
+    tries: list[tuple[FloatArray, tuple[int, int]]] = []
+    for one, other in combinations(sorted({*off, *edges}), 2):
+        if (
+            other - one < 2
+            or not {one, other} & off.keys()
+            or any(i in off and off[i][j] >= off[i][i] for i, j in ((one, other), (other, one)))
+        ):
+            continue
+        parts = {name: values.copy() for name, values in work.k.items()}
+        tried = replace(work, k=parts, there=work.there.copy(), order=work.order.copy())
+        _exchange(tried, one, other)
+        tries.append((_misfits(tried), (one, other)))
+    if not tries:
+        return
+    usual = _CURVED * min(float(np.median(misfits)) for misfits, _ in tries)
+    before, *after = (
+        float(np.maximum(m - usual, 0.0).sum()) for m in (was, *(misfits for misfits, _ in tries))
+    )
+    left = sorted((m / max(before, 1e-9), pair) for m, (_, pair) in zip(after, tries, strict=True))
+    if left[0][0] > _LEAVES:
+        return
+    least, pair = left[0]
+    evidence = (
+        f"each reads what the neighbours of the other expect: exchanged, the two leave {100 * least:.2g} % of what all "
+        "strips are off their neighbours' lines"
+    )
+    repair = partial(_exchange, one=pair[0], other=pair[1])
+    explained = (1.0 - least) * float(was.sum())
+    suspect = work.suspect("swapped-strips", pair, evidence, {"left": least}, explained, repair=repair)
+    yield replace(suspect, doubtful=len(left) > 1 and left[1][0] < least + _APART)
+
+
+def _misfits(work: WorkingCopy) -> FloatArray:
+    """Return how far strips lie from what their neighbours under one contact expect, over Vref (strips,).
+
+    One that counts as untouched there is as far off as any, but at the sensor's edges, which a contact may not reach.
+    """
+    total = np.zeros(work.strips)
+    for name, values in work.k.items():
+        e, both, gap = work.prediction(name)
+        over = both & (gap < _ONE_CONTACT) & np.isfinite(values).any(axis=0)  # but of dropped channels
+        over[:, [0, -1]] = np.isfinite(e + values)[:, [0, -1]]
+        off = np.nan_to_num(np.abs(values - e), nan=_ONE_CONTACT)
+        count = over.sum(axis=0)
+        mean = (over * np.minimum(off, _ONE_CONTACT)).sum(axis=0) / np.maximum(count, 1)
+        total += np.where(count >= _FEW, mean, 0.0) / len(work.k)
+    return total
+
+
+def _misfits_there(work: WorkingCopy, strip: int) -> FloatArray:
+    """Return how far all strips' readings lie from what the neighbours of one, inside, expect, likewise (strips,)."""
+    total = np.zeros(work.strips)
+    for name, values in work.k.items():
+        e, both, gap = work.prediction(name)
+        over = both[:, strip] & (gap[:, strip] < _ONE_CONTACT)
+        off = np.nan_to_num(np.abs(values[over] - e[over, strip, None]), nan=_ONE_CONTACT)
+        total += np.minimum(off, _ONE_CONTACT).sum(axis=0) / max(int(over.sum()), 1)
+    return total
+
+
+def _away_from_contact(there: BoolArray) -> FloatArray:
+    """Return in which share of its places a strip is touched and none of the next two on either side (strips,)."""
+    padded = np.pad(there, ((0, 0), (2, 2)))
+    beside = np.any([padded[:, i : i + there.shape[1]] for i in (0, 1, 3, 4)], axis=0)
+    alone = there & ~beside & (there.sum(axis=1, keepdims=True) > 1)
+    return np.asarray(alone.sum(axis=0) / np.maximum(there.sum(axis=0), 1))
 
 
 def _edges(work: WorkingCopy, strip: int) -> tuple[int, int, int, BoolArray]:

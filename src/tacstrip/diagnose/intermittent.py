@@ -32,7 +32,8 @@ _FEWEST = 5  # scans that dropped out
 _CLEAR, _MANY_CLEAR = 0.3, 8  # over Vref off the line, and scans, in which the contact moves:
 _MOVES = 0.03  # over Vref
 _MOST_ALONE = 8  # scans that a pointed contact touches one strip at its end
-_LEAST, _MOST = 0.04, 0.7  # of the scans in which a dropout could be seen
+_ONE_WAY = 0.6  # of readings off the line, by which those to one side are more than those to the other
+_LEAST, _MOST = 0.025, 0.7  # of the scans in which a dropout could be seen
 _OTHERS = 4.0  # times as many jumps as the third-worst strip: a contact's shape does the same to several
 _LASTING = 0.98  # of a strip's readings on one rail: it is open at an end, and does not come and go
 _FEW_OUT = 8  # scans on one rail, as those of a cut strip are
@@ -204,16 +205,27 @@ def _often(work: WorkingCopy, lasting: BoolArray) -> Iterator[Finding]:
             silent |= lone & often
             good = good | (alone & ~work.there & often)
             e = np.where(alone, 0.0, e)
-        found[name] = [off_line, _Seen(out | silent, good, e, np.zeros_like(out), silent)]
+        # A bad joint has any resistance: readings leave the line towards one rail.
+        with np.errstate(invalid="ignore"):
+            off = steady & (np.abs(values - np.clip(e, 0.0, 1.0)) > _FAR)
+            above = off & (values > e)
+            one_way = np.abs(2 * above.sum(axis=0) - off.sum(axis=0)) >= _ONE_WAY * off.sum(axis=0)
+        partly = silent | (off & one_way)
+        nowhere = np.zeros_like(out)
+        found[name] = [
+            off_line,
+            _Seen(out | silent, good, e, nowhere, silent),
+            _Seen(out | partly, good, e, nowhere, partly),
+        ]
     for strip in np.flatnonzero(~lasting).tolist():
         channels = [
-            (name, *seen)
+            (name, *max(seen, key=lambda told: told[1]))
             for name, ways in found.items()
-            if (seen := next(filter(None, (w.dropouts(work.k[name], gone, strip) for w in ways)), None))
+            if (seen := [(*told, w.out) for w in ways if (told := w.dropouts(work.k[name], gone, strip))])
         ]
         if not channels:
             continue
-        name, share, gaps, count = max(channels, key=lambda c: c[1])
+        name, share, gaps, count, _ = max(channels, key=lambda c: c[1])
         evidence = (
             f"drops out in {gaps} scans, {100 * share:.2g} % of those in which its neighbours stay under the contact, "
             f"and comes and goes {count} times"
@@ -221,8 +233,8 @@ def _often(work: WorkingCopy, lasting: BoolArray) -> Iterator[Finding]:
         numbers = {"share": share, "scans": float(gaps), "jumps": float(count)}
         yield Finding("intermittent", (int(work.order[strip]),), evidence, numbers,
                       name if len(channels) == 1 and len(work.k) == 2 else None)  # fmt: skip
-        for channel, *_ in channels:
-            work.k[channel][found[channel][1].out[:, strip], strip] = np.nan
+        for channel, *_, out in channels:
+            work.k[channel][out[:, strip], strip] = np.nan
         work.there[gone[:, strip], strip] = True
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import sparse
+from scipy.interpolate import BSpline
 from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
@@ -22,12 +23,13 @@ from tacstrip.sensor.constructions import SIGNATURES
 
 _VERTICES, _KNOTS = 24, 7  # of the outline; of the unevenness along a strip
 _OWN = 2 + _KNOTS  # numbers of a channel: offset, gain, unevenness
-_MOST_PLACES, _FEWEST_PLACES, _MOST_STRIPS = (
-    300,
+_MOST_PLACES, _MOST_JOINED, _FEWEST_PLACES, _MOST_STRIPS = (
+    200,
+    600,
     60,
     40,
 )  # wide units' strips lie closer: there bends are small
-_ROUNDS, _PATIENCE, _GAINED = 60, 12, 0.98  # when to stop
+_ROUNDS, _ROUNDS_JOINED, _GAINED = 60, 25, 0.98  # when to stop
 _STEPS = 0.5, 0.03, 0.1, 0.1  # least damping of x [pitch], y [L], angle; of a vertex [half the contact]
 _LESS_DAMPED, _MORE_DAMPED, _LEAST_DAMPING, _WORSE = 0.35, 4.0, 0.03, 1.1
 _MOST_STEP = 1.0, 0.1, 0.25  # of x [pitch], y [L], angle
@@ -40,6 +42,7 @@ _LOOSE = 30.0  # times `_STEPS`: prior standard deviation of a pose
 _USUAL_HEIGHT = 0.27  # of L, where one signature does not tell
 _MOVED = 1.0, 0.1  # pitches across and L along: standard deviations of a contact that shows its shape
 _STILL, _STAYS = 2.5, 0.4  # deviations, that noise alone makes readings change; of the places
+_PLACES_A_KNOT, _SHORT, _PAUSE = 4, 5, 4.0  # of a smooth path; places without one; times the usual step
 _FREE = 0.05  # of L: what a contact leaves free at least
 
 _Equations = tuple[sparse.csr_matrix, FloatArray, FloatArray, FloatArray]
@@ -66,6 +69,7 @@ class RigidContact:
     _outline: FloatArray  # (V, 2) [mm], in its own frame
     _poses: FloatArray  # x, y [mm], angle (P, 3)
     _constant: FloatArray  # (strips, channels, numbers)
+    _path: sparse.csr_matrix | None = None  # (3 P, 3 C): poses of the numbers of a smooth path
 
     @classmethod
     def fit(cls, work: WorkingCopy, part: int = 0) -> RigidContact | None:
@@ -75,8 +79,7 @@ class RigidContact:
 
         Source: damped Gauss-Newton, iteratively reweighted, with poses eliminated place by place (Schur complement).
         """
-        known = np.asarray(np.isfinite(np.stack(list(work.k.values()))).all(axis=0))
-        rows = np.flatnonzero(known.sum(axis=1) >= 4 - len(work.k))  # more readings than numbers of a pose
+        known, rows = _usable(work)
         if len(rows) < 2 * _FEWEST_PLACES or work.strips > _MOST_STRIPS:
             return None
         rows = rows[np.linspace(0, len(rows) - 1, min(2 * _MOST_PLACES, len(rows))).astype(int)[part::2]]
@@ -88,8 +91,30 @@ class RigidContact:
         outline = half * np.stack([np.cos(angle), np.sin(angle)], axis=1)
         constant = np.zeros((work.strips, len(work.k), _OWN))
         fit = cls(work, rows[at], strip, np.inf, at, half, outline, poses, constant)
-        damping, kept, sigmas = 1.0, fit, list[float]()
-        for round_ in range(_ROUNDS):
+        return fit._converged(_ROUNDS)
+
+    def joined(self) -> RigidContact:
+        """Return the fit to all places, evenly spread, on a path that is smooth while the contact stays.
+
+        Most of what three free numbers a place take away is given back to what strips do with time.
+        """
+        work, known, rows = self.work, *_usable(self.work)
+        rows = rows[np.linspace(0, len(rows) - 1, min(_MOST_JOINED, len(rows))).astype(int)]
+        at, strip = np.nonzero(known[rows])
+        mine = np.zeros(len(self._poses), dtype=int)
+        mine[self._pose_of] = self.place
+        nearest = np.abs(work.time_s[rows, None] - work.time_s[mine]).argmin(axis=1)
+        smooth = _smooth_path(work.time_s[rows])
+        poses = smooth @ sparse.linalg.spsolve((smooth.T @ smooth).tocsc(), smooth.T @ self._poses[nearest])
+        path = sparse.kron(smooth, sparse.identity(3), "csr")
+        start = replace(self, place=rows[at], strip=strip, _pose_of=at, _poses=poses, _path=path)
+        return start._converged(_ROUNDS_JOINED)
+
+    def _converged(self, rounds: int) -> RigidContact:
+        """Return the best of so many rounds; a fifth of them without a gain are the last."""
+        fit = kept = self
+        damping, sigmas = 1.0, list[float]()
+        for round_ in range(rounds):
             equations = fit._equations()
             if fit.sigma > _WORSE * kept.sigma:
                 fit, damping = kept, damping * _MORE_DAMPED
@@ -98,7 +123,7 @@ class RigidContact:
                 damping = max(damping * _LESS_DAMPED, _LEAST_DAMPING) if round_ > 2 else damping
             kept = fit if fit.sigma <= kept.sigma else kept
             sigmas.append(kept.sigma)
-            if round_ > _PATIENCE and kept.sigma > _GAINED * sigmas[-_PATIENCE]:
+            if round_ > rounds // 5 and kept.sigma > _GAINED * sigmas[-(rounds // 5)]:
                 break
             fit = fit._stepped(equations, damping)
         kept._equations()
@@ -113,7 +138,11 @@ class RigidContact:
         """Whether the contact moved across and along."""
         return bool((self._poses[:, :2].std(axis=0) >= self._units[:2] * _MOVED).all())
 
-    def explain(self, change: FloatArray, trusted: int = -1) -> Explanation:
+    def part(self, number: int, of: int) -> slice:
+        """Return the places of a part of the recording."""
+        return slice(len(self._poses) * number // of, len(self._poses) * (number + 1) // of)
+
+    def explain(self, change: FloatArray, trusted: int = -1, without: slice = slice(0, 0)) -> Explanation:
         """Return what changes of each strip's readings explain beyond outline, poses and constant errors.
 
         Parameters
@@ -122,9 +151,14 @@ class RigidContact:
             By the working copy's rows, several terms (places, terms); the columns are (strips * terms).
         trusted
             A strip of which no reading loses weight as an outlier: what it does is its change.
+        without
+            Places that do not count.
         """
         jacobian, left, weight, full = self._equations()
+        counts = np.ones(len(self._poses))
+        counts[without] = 0.0
         weight = np.where(np.repeat(self.strip == trusted, len(self.work.k)), full, weight)
+        weight = weight * np.repeat(counts[self._pose_of], len(self.work.k))
         terms, many = change.shape[1], jacobian.shape[1] - self._poses.size
         strip = np.repeat(self.strip, len(self.work.k))
         column = strip[:, None] * terms + np.arange(terms)
@@ -245,21 +279,29 @@ class RigidContact:
         self, jacobian: sparse.csr_matrix, left: FloatArray, weight: FloatArray, damping: float
     ) -> tuple[FloatArray, FloatArray, Callable[[FloatArray], FloatArray]]:
         """Return normal equations of all but the poses, and what gives these of a solution (P, 3)."""
+        many = self._poses.size
+        loose = (self.sigma / (np.array(_STEPS[:3]) * self._units)) ** 2 * (damping + _LOOSE**-2)
+        if self._path is not None:
+            jacobian = sparse.hstack([jacobian[:, :many] @ self._path, jacobian[:, many:]], "csr")
+            many = self._path.shape[1]
         weighted = jacobian.T.multiply(weight).tocsr()
         normal, right = weighted @ jacobian, weighted @ left
-        many = self._poses.size
         pose = np.arange(many).reshape(-1, 3)
-        sides = [[np.asarray(normal[pose[:, a], pose[:, b]])[0] for b in range(3)] for a in range(3)]
-        blocks = np.moveaxis(np.array(sides), 2, 0)
-        loose = (self.sigma / (np.array(_STEPS[:3]) * self._units)) ** 2
-        blocks += np.diag(loose * (damping + _LOOSE**-2))
-        cross = normal[:many, many:].toarray().reshape(len(pose), 3, -1)
-        solved = np.linalg.inv(blocks) @ np.concatenate([cross, right[pose][:, :, None]], axis=2)
-        rest = normal[many:, many:].toarray()
-        flat = solved.reshape(many, -1)
-        rest -= cross.reshape(many, -1).T @ flat[:, :-1]
-        to_go = right[many:] - cross.reshape(many, -1).T @ flat[:, -1]
-        return rest, to_go, lambda step: solved[:, :, -1] - solved[:, :, :-1] @ step
+        cross = np.column_stack([normal[:many, many:].toarray(), right[:many]])
+        if self._path is None:
+            sides = [[np.asarray(normal[pose[:, a], pose[:, b]])[0] for b in range(3)] for a in range(3)]
+            blocks = np.moveaxis(np.array(sides), 2, 0) + np.diag(loose)
+            solved = (np.linalg.inv(blocks) @ cross.reshape(len(pose), 3, -1)).reshape(many, -1)
+        else:
+            block = normal[:many, :many].toarray() + np.diag(np.tile(loose, len(pose)))
+            solved = cho_solve(cho_factor(block, check_finite=False), cross, check_finite=False)
+        beyond = np.column_stack([normal[many:, many:].toarray(), right[many:]]) - cross[:, :-1].T @ solved
+
+        def poses(step: FloatArray) -> FloatArray:
+            numbers = solved[:, -1] - solved[:, :-1] @ step
+            return np.asarray(numbers if self._path is None else self._path @ numbers).reshape(-1, 3)
+
+        return beyond[:, :-1], beyond[:, -1], poses
 
     def _prior(self) -> tuple[FloatArray, FloatArray]:
         """Return the precision of outline and constant errors, for readings of weight 1, and what these are."""
@@ -272,6 +314,28 @@ class RigidContact:
         for i, half in enumerate(self._half):
             out[i:corners:2, i:corners:2] = bend.T @ bend / (_SMOOTH * half) ** 2
         return out * self.sigma**2, now
+
+
+def _usable(work: WorkingCopy) -> tuple[BoolArray, IntArray]:
+    """Return which readings are known (places, strips), and the places with more of them than a pose has numbers."""
+    known = np.asarray(np.isfinite(np.stack(list(work.k.values()))).all(axis=0))
+    return known, np.flatnonzero(known.sum(axis=1) >= 4 - len(work.k))
+
+
+def _smooth_path(time_s: FloatArray) -> sparse.csr_matrix:
+    """Return cubic splines over time (places,) [s], of each stay of the contact (places, numbers)."""
+    step = np.diff(time_s)
+    parts = []
+    for stay in np.split(time_s, np.flatnonzero((step > _PAUSE * np.median(step)) | (step < 0.0)) + 1):
+        number = np.arange(len(stay), dtype=float)
+        if len(stay) < _SHORT:
+            parts.append(sparse.identity(len(stay)))
+            continue
+        along = stay if (np.diff(stay) > 0.0).all() else number
+        # Places lie between any two knots.
+        knots = np.interp(np.linspace(0.0, number[-1], len(stay) // _PLACES_A_KNOT + 1), number, along)
+        parts.append(BSpline.design_matrix(along, np.pad(knots, 3, "edge"), 3))
+    return sparse.block_diag(parts, "csr")
 
 
 def _stays(work: WorkingCopy, rows: IntArray) -> bool:
