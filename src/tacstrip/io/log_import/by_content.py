@@ -483,7 +483,8 @@ def _may_be_row(line: Line, form: str) -> bool:
     )
     many, usual = line.form.count(VALUE), form.count(VALUE)
     begun = alike > min(_BEGUN, len(form) - 1) and VALUE in line.form[:alike]
-    return many > 0 and (begun or (2 * many > usual and line.form.count(WORD) <= form.count(WORD)))
+    words = max(form.count(WORD), many // 2)  # a hexadecimal number may come apart into numbers and letters
+    return many > 0 and (begun or (2 * many > usual and line.form.count(WORD) <= words))
 
 
 def _unit_above(lines: Sequence[str], known: Sequence[str]) -> str:
