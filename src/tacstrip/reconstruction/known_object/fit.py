@@ -191,10 +191,10 @@ def _placed(
     before = fit.weight > 0.0
     fit, poses = _without_outlier(fit, poses[np.argsort(cost)], known, distribution)
     out = before & ~(fit.weight > 0.0)
+    sigma = known or max(noise_left(fit, poses[0]), FLOOR, sensor.adc_step / math.sqrt(12.0))
+    whole = replace(fit, weight=before.astype(float)).with_sigma(sigma, poses[0])
     if known is None:
-        fit = fit.with_sigma(
-            max(noise_left(fit, poses[0]), FLOOR, sensor.adc_step / math.sqrt(12.0)), poses[0]
-        )
+        fit = fit.with_sigma(sigma, poses[0])
     poses, cost = fit.descend(poses, _FINE_STEPS)
     poses = _distinct(fit, poses, cost)
     cost = (fit.rows(poses)[0] ** 2).sum(axis=1)
@@ -212,7 +212,7 @@ def _placed(
     order = order[weight[order] >= _UNLIKELY]
     found = [_pose(poses[i], spread[i]) for i in order]
     sure = probability_of(corners, poses[order], [spread[i] for i in order], weight[order])
-    status, advice = judged(fit, poses[order[0]], known, distribution, sure, errors[order[0]])
+    status, advice = judged(fit, whole, poses[order[0]], known, distribution, sure, errors[order[0]])
     vertices, covariance = _vertices(corners, poses[order[0]], spread[order[0]])
     l, u = (end[0] for end in fit.ends(poses[order[:1]])[:2])
     alternatives = tuple(
@@ -224,7 +224,8 @@ def _placed(
     if out.any():
         where = (np.flatnonzero(out.any(axis=0)) + run.start) % around + sensor.strip_base
         names = ", ".join(map(str, where))
-        notes.append(f"strip {names} does not fit the object and was left out: is a channel stuck?")
+        why = "another object, or a faulty channel" if status == "doubtful" else "is a channel stuck?"
+        notes.append(f"strip {names} does not fit the object and was left out: {why}")
     return RecoveredObject(
         run, vertices, (fit.x_mm, l, u), covariance, status, "; ".join(n for n in notes if n),
         confidence=None if status != "ok" and sure >= PROBABLE else sure,  # it takes the readings for explained

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import shapely
@@ -30,10 +31,15 @@ _FEWEST_READINGS = 6  # of one signature, below which ...
 _PLAUSIBLE = 0.0035
 _CHANCE, _LEAST_FREEDOM = 1e-3, 3  # of the F test, and of a polygon that it is made with
 _LEAST_NOISE = 2e-4  # of Vref: sensors that read better are compared with that
+# Where a reading was left out, the one of many whose absence explains the others best: their alarm; by how many
+# deviations it must contradict the object in other sizes too (of its root of area, a deviation), and poses tried.
+_ALARM_WITHOUT, _FAULT, _OTHER_SIZE = 2.5, 9.0, 0.1
+_OTHER_POSES, _COARSE_STEPS, _STEPS = 8, 15, 20
 
 
 def judged(
     fit: PoseFit,
+    whole: PoseFit,
     pose: FloatArray,
     known: float | None,
     distribution: str,
@@ -42,16 +48,18 @@ def judged(
 ) -> tuple[Status, str]:
     """Return the status of the likeliest pose (4,), and advice.
 
-    `sure` is the probability that the outline overlaps the object as "ok" promises; `known` the noise, if given [Vref].
+    `whole` is the fit with the reading that was left out, if one was; `sure` the probability that the outline overlaps
+    the object as "ok" promises; `known` the noise, if given [Vref].
     """
     left = readings_left(fit, pose)
     readings = int(np.count_nonzero(fit.weight))
+    left_out = readings < np.count_nonzero(whole.weight)
     freedom = max(readings + sum(gap < math.inf for gap in fit.gaps) - 3, 1)
     level = noise_left(fit, pose)
     if errors is not None:
         left, freedom = errors.whitened(fit.covariance(pose))
     if (
-        chi_square_score(left, freedom, distribution) > ALARM
+        chi_square_score(left, freedom, distribution) > (_ALARM_WITHOUT if left_out else ALARM)
         or (readings > 6 and autocorrelation_score(left, readings) > ALARM)
         or (known is None and (level > CEILING or (not fit.edge_mm and _beyond_polygon(fit, pose))))
     ):
@@ -67,6 +75,8 @@ def judged(
             f"this object ends {max(beyond, missing):.3g} mm from where the touched strips say: it is another object, "
             "or there are two"
         )
+    if left_out and _like_another(fit, whole, pose):
+        return "doubtful", "all strips read nearly as the object does in another size, or its mirror image"
     if known is None and len(fit.names) == 1 and (readings < _FEWEST_READINGS or level > _PLAUSIBLE):
         return "doubtful", (
             f"the readings are {100.0 * level:.2g} % of Vref from this object's on {readings} strips: one signature "
@@ -85,6 +95,23 @@ def judged(
             "strip_width_mm, or turned"
         )
     return "ok", ""
+
+
+def _like_another(fit: PoseFit, whole: PoseFit, pose: FloatArray) -> bool:
+    """Whether the reading that was left out is nearly explained by the outline, or its mirror image, in another size.
+
+    A faulty channel contradicts these as it does the object; another object does so only where it differs.
+    """
+    least = float((fit.rows(pose[None])[0] ** 2).sum()) + _FAULT**2
+    edge_mm = max(fit.edge_mm, _OTHER_SIZE * math.sqrt(shapely.Polygon(fit.corners).area))
+    for corners in (fit.corners, (fit.corners * [-1.0, 1.0])[::-1]):
+        other = replace(whole, corners=corners, edge_mm=edge_mm)
+        coarse = other.thinned()
+        poses, cost = coarse.descend(coarse.starts(), _COARSE_STEPS)
+        poses = np.concatenate([pose[None], poses[np.argsort(cost)[:_OTHER_POSES]]])
+        if other.descend(poses, _STEPS)[1].min() < least:
+            return True
+    return False
 
 
 def _beyond_polygon(fit: PoseFit, pose: FloatArray) -> bool:
