@@ -275,7 +275,12 @@ def _without_outlier(
 
     if explained(fit, poses[0]) or freedom_of(fit) < 2:
         return fit, poses
+    # An upright edge may keep the descents on the wrong side of a strip.
+    beside = [poses + [shift * fit.sensor.pitch_mm, 0.0, 0.0, 0.0] for shift in np.linspace(-0.5, 0.5, 11)]
+    poses = _distinct(fit, *fit.descend(np.concatenate(beside), _FINE_STEPS))
     found = (fit, poses)
+    if explained(fit, poses[0]):
+        return found
     least = math.inf
     for at in np.argsort(-np.abs(readings_left(fit, poses[0])), axis=None)[:_SUSPECTS]:
         weight = fit.weight.copy()

@@ -32,8 +32,11 @@ _PLAUSIBLE = 0.0035
 _CHANCE, _LEAST_FREEDOM = 1e-3, 3  # of the F test, and of a polygon that it is made with
 _LEAST_NOISE = 2e-4  # of Vref: sensors that read better are compared with that
 # Where a reading was left out, the one of many whose absence explains the others best: their alarm; by how many
-# deviations it must contradict the object in other sizes too (of its root of area, a deviation), and poses tried.
-_ALARM_WITHOUT, _FAULT, _OTHER_SIZE = 2.5, 9.0, 0.1
+# deviations it must contradict the object in other sizes too, and poses tried.
+_ALARM_WITHOUT, _FAULT = 2.5, 9.0
+_OTHER_SIZE = (
+    0.1  # of the root of its area, standard deviation of how far another object's edges lie elsewhere
+)
 _OTHER_POSES, _COARSE_STEPS, _STEPS = 8, 15, 20
 
 
@@ -75,8 +78,11 @@ def judged(
             f"this object ends {max(beyond, missing):.3g} mm from where the touched strips say: it is another object, "
             "or there are two"
         )
+    independent = known is not None and errors is None and not (fit.edge_mm or fit.wide)
+    if independent and _least_of_all_sizes(fit, pose[None]) < _cost(fit, pose) - ALARM**2:
+        return "doubtful", "the object in another size explains the readings better: it is another object"
     if left_out and _like_another(fit, whole, pose):
-        return "doubtful", "all strips read nearly as the object does in another size, or its mirror image"
+        return "doubtful", "all strips read nearly as the object does in another size, or as its mirror image"
     if known is None and len(fit.names) == 1 and (readings < _FEWEST_READINGS or level > _PLAUSIBLE):
         return "doubtful", (
             f"the readings are {100.0 * level:.2g} % of Vref from this object's on {readings} strips: one signature "
@@ -102,16 +108,25 @@ def _like_another(fit: PoseFit, whole: PoseFit, pose: FloatArray) -> bool:
 
     A faulty channel contradicts these as it does the object; another object does so only where it differs.
     """
-    least = float((fit.rows(pose[None])[0] ** 2).sum()) + _FAULT**2
-    edge_mm = max(fit.edge_mm, _OTHER_SIZE * math.sqrt(shapely.Polygon(fit.corners).area))
     for corners in (fit.corners, (fit.corners * [-1.0, 1.0])[::-1]):
-        other = replace(whole, corners=corners, edge_mm=edge_mm)
+        other = replace(whole, corners=corners)
         coarse = other.thinned()
         poses, cost = coarse.descend(coarse.starts(), _COARSE_STEPS)
         poses = np.concatenate([pose[None], poses[np.argsort(cost)[:_OTHER_POSES]]])
-        if other.descend(poses, _STEPS)[1].min() < least:
+        if _least_of_all_sizes(other, poses) < _cost(fit, pose) + _FAULT**2:
             return True
     return False
+
+
+def _cost(fit: PoseFit, pose: FloatArray) -> float:
+    return float((fit.rows(pose[None])[0] ** 2).sum())
+
+
+def _least_of_all_sizes(fit: PoseFit, poses: FloatArray) -> float:
+    """Return the least cost that descents from poses (B, 4) end with where the outline may grow or shrink, too."""
+    deviation = _OTHER_SIZE * math.sqrt(shapely.Polygon(fit.corners).area)
+    free = replace(fit, edge_mm=max(fit.edge_mm, deviation))
+    return float(free.descend(poses, _STEPS)[1].min())
 
 
 def _beyond_polygon(fit: PoseFit, pose: FloatArray) -> bool:
