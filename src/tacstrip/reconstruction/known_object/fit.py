@@ -276,17 +276,18 @@ def _without_outlier(
     if explained(fit, poses[0]) or freedom_of(fit) < 2:
         return fit, poses
     # An upright edge may keep the descents on the wrong side of a strip.
-    beside = [poses + [shift * fit.sensor.pitch_mm, 0.0, 0.0, 0.0] for shift in np.linspace(-0.5, 0.5, 11)]
-    poses = _distinct(fit, *fit.descend(np.concatenate(beside), _FINE_STEPS))
-    found = (fit, poses)
-    if explained(fit, poses[0]):
-        return found
+    shifts = np.outer(np.linspace(-0.5, 0.5, 11) * fit.sensor.pitch_mm, [1.0, 0.0, 0.0, 0.0])
+    beside = (poses + shifts[:, None]).reshape(-1, 4)
+    further = _distinct(fit, *fit.descend(beside, _FINE_STEPS))
+    if explained(fit, further[0]):
+        return fit, further
+    found, every = (fit, poses), np.concatenate([poses, further])
     least = math.inf
     for at in np.argsort(-np.abs(readings_left(fit, poses[0])), axis=None)[:_SUSPECTS]:
         weight = fit.weight.copy()
         weight.flat[at] = 0.0
         trial = replace(fit, weight=weight)
-        ended, cost = trial.descend(poses, _FINE_STEPS)
+        ended, cost = trial.descend(every, _FINE_STEPS)
         best = int(cost.argmin())
         if cost[best] < least and explained(trial, ended[best]):
             least, found = cost[best], (trial, _distinct(trial, ended, cost))
