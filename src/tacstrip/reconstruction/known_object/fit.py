@@ -89,7 +89,8 @@ def fit_object(
     Reconstruction
         An object per contact, with the posed outline as vertices, its covariance, `pose`, and `poses`: others that
         the readings leave, each with its weight. "doubtful": the outline overlaps the truth by IoU .8 or more with a
-        probability below 90 %, or no pose explains the readings, as where it is another object.
+        probability below 90 %, or no pose explains the readings, as where it is another object. A reading that
+        does not fit is left out; "ok" then only where another size or the mirror image would not explain it.
 
     Raises
     ------
