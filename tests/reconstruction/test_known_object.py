@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -172,6 +173,59 @@ def test_a_stuck_channel_is_left_out() -> None:
     assert found.status == "ok"
     assert "strip 5 does not fit" in found.advice
     assert iou(found.objects[0].vertices, truth.vertices) > 0.9
+
+
+FINE = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=5.0, length_mm=100.0)
+PENTAGON = [(-14, -12), (12, -14), (16, 6), (0, 14), (-13, 8)]
+
+
+def placed(shape: Sequence[tuple[float, float]], seed: int) -> tuple[ts.Contact, ts.Scan]:
+    """Return a shape somewhere on the fine sensor, and what that reads."""
+    random = np.random.default_rng(seed)
+    truth = ts.Contact.polygon(shape).turned(random.uniform(-3.0, 3.0)).placed(*random.uniform(30.0, 70.0, 2))
+    return truth, ts.simulate(FINE, truth, NOISE, rng=random)
+
+
+@pytest.mark.parametrize(
+    ("other", "seed"),
+    [
+        ([(-x, y) for x, y in PENTAGON[::-1]], 1),
+        ([(-x, y) for x, y in PENTAGON[::-1]], 10),
+        ([(-15, -10), (14, -9), (10, 13), (-12, 11)], 30),
+    ],
+)
+def test_a_strip_that_disproves_the_object_is_not_taken_for_faulty(
+    other: Sequence[tuple[float, float]], seed: int
+) -> None:
+    """Without that strip the others pass for the object's."""
+    (found,) = ts.fit_object(placed(other, seed)[1], FINE, PENTAGON, NOISE).objects
+    assert found.status == "doubtful"
+    assert found.confidence is None
+    assert "was left out: another object, or a faulty channel" in found.advice
+
+
+def test_a_channel_that_is_off_by_5_percent_is_told_from_another_object() -> None:
+    statuses = []
+    for seed in range(6):
+        truth, scan = placed(PENTAGON, seed)
+        k = {name: scan[name].copy() for name in ("kh", "kl")}
+        at = int(np.flatnonzero(scan.touched)[2])
+        k["kh" if seed % 2 else "kl"][at] += 0.05
+        (found,) = ts.fit_object(ts.Scan(kh=k["kh"], kl=k["kl"]), FINE, PENTAGON, NOISE).objects
+        statuses.append(found.status)
+        if found.status == "ok":
+            assert f"strip {at} does not fit" in found.advice
+            assert iou(found.vertices, truth.vertices) > 0.9
+    assert statuses.count("ok") >= 5
+
+
+def test_no_strip_is_left_out_for_an_upright_edge_on_its_wrong_side() -> None:
+    kh = np.pad([0.4175, 0.4327, 0.2936, 0.3014, 0.2525], (2, 3), constant_values=np.nan)
+    kl = np.pad([0.1565, 0.1648, 0.1513, 0.1612, 0.1653], (2, 3), constant_values=np.nan)
+    angle = [(18.6, 11.5), (66.2, 15.4), (64.3, 39.6), (38.8, 37.5), (37.3, 55.3), (15.2, 53.5)]
+    (found,) = ts.fit_object(ts.Scan(kh=kh, kl=kl), SENSOR, angle, NOISE).objects
+    assert (found.status, found.advice) == ("ok", "")
+    assert iou(found.vertices, np.array(angle)) > 0.95
 
 
 def test_slopes_are_those_of_differences() -> None:

@@ -90,7 +90,8 @@ def fit_object(
     Reconstruction
         An object per contact, with the posed outline as vertices, its covariance, `pose`, and `poses`: others that
         the readings leave, each with its weight. "doubtful": the outline overlaps the truth by IoU .8 or more with a
-        probability below 90 %, or no pose explains the readings, as where it is another object.
+        probability below 90 %, or no pose explains the readings, as where it is another object. A reading that
+        does not fit is left out; "ok" then only where another size or the mirror image would not explain it.
 
     Raises
     ------
@@ -192,10 +193,10 @@ def _placed(
     before = fit.weight > 0.0
     fit, poses = _without_outlier(fit, poses[np.argsort(cost)], known, distribution)
     out = before & ~(fit.weight > 0.0)
+    sigma = known or max(noise_left(fit, poses[0]), FLOOR, sensor.adc_step / math.sqrt(12.0))
+    whole = replace(fit, weight=before.astype(float)).with_sigma(sigma, poses[0])
     if known is None:
-        fit = fit.with_sigma(
-            max(noise_left(fit, poses[0]), FLOOR, sensor.adc_step / math.sqrt(12.0)), poses[0]
-        )
+        fit = fit.with_sigma(sigma, poses[0])
     poses, cost = fit.descend(poses, _FINE_STEPS)
     poses = _distinct(fit, poses, cost)
     cost = (fit.rows(poses)[0] ** 2).sum(axis=1)
@@ -213,7 +214,7 @@ def _placed(
     order = order[weight[order] >= _UNLIKELY]
     found = [_pose(poses[i], spread[i]) for i in order]
     sure = probability_of(corners, poses[order], [spread[i] for i in order], weight[order])
-    status, advice = judged(fit, poses[order[0]], known, distribution, sure, errors[order[0]])
+    status, advice = judged(fit, whole, poses[order[0]], known, distribution, sure, errors[order[0]])
     vertices, covariance = _vertices(corners, poses[order[0]], spread[order[0]])
     l, u = (end[0] for end in fit.ends(poses[order[:1]])[:2])
     alternatives = tuple(
@@ -225,7 +226,8 @@ def _placed(
     if out.any():
         where = (np.flatnonzero(out.any(axis=0)) + run.start) % around + sensor.strip_base
         names = ", ".join(map(str, where))
-        notes.append(f"strip {names} does not fit the object and was left out: is a channel stuck?")
+        why = "another object, or a faulty channel" if status == "doubtful" else "is a channel stuck?"
+        notes.append(f"strip {names} does not fit the object and was left out: {why}")
     return RecoveredObject(
         run, vertices, (fit.x_mm, l, u), covariance, status, "; ".join(n for n in notes if n),
         confidence=None if status != "ok" and sure >= PROBABLE else sure,  # it takes the readings for explained
@@ -278,13 +280,19 @@ def _without_outlier(
 
     if explained(fit, poses[0]) or freedom_of(fit) < CHECKS:
         return fit, poses
-    found = (fit, poses)
+    # An upright edge may keep the descents on the wrong side of a strip.
+    shifts = np.outer(np.linspace(-0.5, 0.5, 11) * fit.sensor.pitch_mm, [1.0, 0.0, 0.0, 0.0])
+    beside = (poses + shifts[:, None]).reshape(-1, 4)
+    further = _distinct(fit, *fit.descend(beside, _FINE_STEPS))
+    if explained(fit, further[0]):
+        return fit, further
+    found, every = (fit, poses), np.concatenate([poses, further])
     least = math.inf
     for at in np.argsort(-np.abs(readings_left(fit, poses[0])), axis=None)[:_SUSPECTS]:
         weight = fit.weight.copy()
         weight.flat[at] = 0.0
         trial = replace(fit, weight=weight)
-        ended, cost = trial.descend(poses, _FINE_STEPS)
+        ended, cost = trial.descend(every, _FINE_STEPS)
         best = int(cost.argmin())
         if cost[best] < least and explained(trial, ended[best]):
             least, found = cost[best], (trial, _distinct(trial, ended, cost))

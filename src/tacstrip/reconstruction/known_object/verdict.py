@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import shapely
@@ -30,10 +31,18 @@ _FEWEST_READINGS = 6  # of one signature, below which ...
 _PLAUSIBLE = 0.0035
 _CHANCE, _LEAST_FREEDOM = 1e-3, 3  # of the F test, and of a polygon that it is made with
 _LEAST_NOISE = 2e-4  # of Vref: sensors that read better are compared with that
+# Where a reading was left out, the one of many whose absence explains the others best: their alarm; by how many
+# deviations it must contradict the object in other sizes too, and poses tried.
+_ALARM_WITHOUT, _FAULT = 2.5, 9.0
+_OTHER_SIZE = (
+    0.1  # of the root of its area, standard deviation of how far another object's edges lie elsewhere
+)
+_OTHER_POSES, _COARSE_STEPS, _STEPS = 8, 15, 20
 
 
 def judged(
     fit: PoseFit,
+    whole: PoseFit,
     pose: FloatArray,
     known: float | None,
     distribution: str,
@@ -42,16 +51,18 @@ def judged(
 ) -> tuple[Status, str]:
     """Return the status of the likeliest pose (4,), and advice.
 
-    `sure` is the probability that the outline overlaps the object as "ok" promises; `known` the noise, if given [Vref].
+    `whole` is the fit with the reading that was left out, if one was; `sure` the probability that the outline overlaps
+    the object as "ok" promises; `known` the noise, if given [Vref].
     """
     left = readings_left(fit, pose)
     readings = int(np.count_nonzero(fit.weight))
+    left_out = readings < np.count_nonzero(whole.weight)
     freedom = max(readings + sum(gap < math.inf for gap in fit.gaps) - 3, 1)
     level = noise_left(fit, pose)
     if errors is not None:
         left, freedom = errors.whitened(fit.covariance(pose))
     if (
-        chi_square_score(left, freedom, distribution) > ALARM
+        chi_square_score(left, freedom, distribution) > (_ALARM_WITHOUT if left_out else ALARM)
         or (readings > 6 and autocorrelation_score(left, readings) > ALARM)
         or (known is None and (level > CEILING or (not fit.edge_mm and _beyond_polygon(fit, pose))))
     ):
@@ -67,6 +78,11 @@ def judged(
             f"this object ends {max(beyond, missing):.3g} mm from where the touched strips say: it is another object, "
             "or there are two"
         )
+    independent = known is not None and errors is None and not (fit.edge_mm or fit.wide)
+    if independent and _least_of_all_sizes(fit, pose[None]) < _cost(fit, pose) - ALARM**2:
+        return "doubtful", "the object in another size explains the readings better: it is another object"
+    if left_out and _like_another(fit, whole, pose):
+        return "doubtful", "all strips read nearly as the object does in another size, or as its mirror image"
     if known is None and len(fit.names) == 1 and (readings < _FEWEST_READINGS or level > _PLAUSIBLE):
         return "doubtful", (
             f"the readings are {100.0 * level:.2g} % of Vref from this object's on {readings} strips: one signature "
@@ -85,6 +101,32 @@ def judged(
             "strip_width_mm, or turned"
         )
     return "ok", ""
+
+
+def _like_another(fit: PoseFit, whole: PoseFit, pose: FloatArray) -> bool:
+    """Whether the reading that was left out is nearly explained by the outline, or its mirror image, in another size.
+
+    A faulty channel contradicts these as it does the object; another object does so only where it differs.
+    """
+    for corners in (fit.corners, (fit.corners * [-1.0, 1.0])[::-1]):
+        other = replace(whole, corners=corners)
+        coarse = other.thinned()
+        poses, cost = coarse.descend(coarse.starts(), _COARSE_STEPS)
+        poses = np.concatenate([pose[None], poses[np.argsort(cost)[:_OTHER_POSES]]])
+        if _least_of_all_sizes(other, poses) < _cost(fit, pose) + _FAULT**2:
+            return True
+    return False
+
+
+def _cost(fit: PoseFit, pose: FloatArray) -> float:
+    return float((fit.rows(pose[None])[0] ** 2).sum())
+
+
+def _least_of_all_sizes(fit: PoseFit, poses: FloatArray) -> float:
+    """Return the least cost that descents from poses (B, 4) end with where the outline may grow or shrink, too."""
+    deviation = _OTHER_SIZE * math.sqrt(shapely.Polygon(fit.corners).area)
+    free = replace(fit, edge_mm=max(fit.edge_mm, deviation))
+    return float(free.descend(poses, _STEPS)[1].min())
 
 
 def _beyond_polygon(fit: PoseFit, pose: FloatArray) -> bool:
