@@ -57,14 +57,18 @@ def test_planned_presses_leave_less_than_three_tenths(construction: str, repeats
 
 def test_uneven_rubber_is_planned_for_and_described() -> None:
     rng = np.random.default_rng(3)
-    unit = units.draw(rng, "crs-crs", strips=5, uneven=0.06, clamp=0.004)
+    unit = units.draw(rng, "crs-crs", strips=4, uneven=0.06, clamp=0.004)
     few, many = (planned_places(unit.sensor, uneven=uneven) for uneven in (False, True))
     assert len(few) < len(many) < 60
     poor, good = (
-        ts.calibrate_unit(unit.sensor, units.press(unit, places, rng, 0.001)) for places in (few, many)
+        ts.calibrate_unit(unit.sensor, units.press(unit, places, rng, 0.001), model=model)
+        for places, model in ((few, "offset+gain+ratio+lambda"), (many, "auto"))
     )
+    assert good.status == "ok"
+    assert "profile" in good.model  # the two layers' own unevenness
     assert "warp16" in good.model
-    assert left_percent(unit, good) < 0.3 < left_percent(unit, poor)
+    assert left_percent(unit, good) < good.accuracy_percent < 0.2
+    assert left_percent(unit, poor) > 0.3
 
 
 def test_printed_ranges_hold_where_places_are_uncertain() -> None:

@@ -68,6 +68,7 @@ def calibrations(draw: st.DrawFn, sensor: ts.Sensor) -> ts.Calibration:
     return ts.Calibration(
         channels=tuple(draw(channels(name)) for name in sensor.signatures),
         ratio=draw(lists(0.5, 2.0)) if has_ratio else (),
+        profile=tuple(draw(lists(-0.05, 0.05)) for _ in range(N)) if has_ratio else (),
         warp_at=at,
         warp=rows,
         made="2026-01-01",
@@ -188,7 +189,7 @@ def test_each_strip_rests_at_its_own_learned_level() -> None:
 
 CURVE = {"curve_at": [0.0, 1.0], "curve": [[0.0, 1.0]] * N}
 FAULTS: dict[str, tuple[ts.Sensor, dict[str, Any], str]] = {
-    "unknown key": (CRS, {"offsets": [1]}, "unknown key 'calibration.offsets'; its keys are: ratio, warp_at"),
+    "unknown key": (CRS, {"offsets": [1]}, "unknown key 'calibration.offsets'; its keys are: ratio, profile"),
     "unknown inner key": (CRS, {"kh": {"bias": [1]}}, "unknown key 'kh.bias'; its keys are: offset, gain"),
     "no table": (CRS, {"kh": 3}, "calibration.kh: must be a table"),
     "foreign signature": (CRS, {"k": {"offset": [0.0] * N}}, "calibration.k: this sensor has only kh, kl"),
@@ -208,6 +209,7 @@ FAULTS: dict[str, tuple[ts.Sensor, dict[str, Any], str]] = {
     "warp ends": (CRS, {"warp_at": [0.0, 1.0], "warp": [[0.0, 0.7]] * N}, "warp: every entry must rise from 0 to 1"),
     "ratio 0": (CRS, {"ratio": [0.0] * N}, "calibration.ratio: every ratio must be above 0"),
     "ratio of metal": (METAL, {"ratio": [1.0] * N}, "only a second layer of rubber has a ratio"),
+    "profile": (CRS, {"profile": [[0.1], [0.1, 0.2], [0.1]]}, "calibration.profile: as many numbers for each strip"),
     "two lines": (CRS, {"model": "a\nb"}, "calibration.model: must be a text of one line"),
     "other sensor": (CRS, {"sensor": "crs-m, 9 strips"}, "the calibration is of another sensor"),
     "noise": (CRS, {"kl": {"noise": [-1.0] * N}}, "calibration.kl.noise: must be 0 or more"),

@@ -44,9 +44,13 @@ def changed(sensor: Sensor, runs: Runs, fit: ModelFit | None) -> str:
     out = usable & ~(fit.weight > 0.0)
     own = out & ~(out.sum(axis=1) > _HALF * usable.sum(axis=1))[:, None]
     many = own.sum(axis=0) >= np.maximum(_FEWEST, _OWN * usable.sum(axis=0))
-    counts = usable & (~out | (own & many))  # single slips stay out, and presses that no strip agrees with
-    steps = _Steps(sensor, runs, fit, counts)
-    z, size, share = steps.of_strips()
+    # Single slips stay out, and presses that no strip agrees with; a strip's contradictions speak of itself only.
+    steps = whole = _Steps(sensor, runs, fit, usable & ~out)
+    if many.any():
+        whole = _Steps(sensor, runs, fit, usable & (~out | (own & many)))
+    z, size, share = (
+        np.where(many, *pair) for pair in zip(whole.of_strips(), steps.of_strips(), strict=True)
+    )
     at = np.abs(z).argmax(axis=0)  # (strips,)
     strip = np.arange(sensor.strips)
     sure = _SURE * np.sqrt(max(fit.excess, 1.0))  # repeats share what the model leaves there
@@ -54,7 +58,7 @@ def changed(sensor: Sensor, runs: Runs, fit: ModelFit | None) -> str:
     unlikely, off = steps.misfit()
     apart = (unlikely < _UNLIKELY) & (off > _TIMES * np.median(off)) & (off > _MATTERS)
     found = np.flatnonzero(stepped | many | apart)
-    z_all, moved_mm = steps.of_all()
+    z_all, moved_mm = whole.of_all()
     t = int(np.abs(z_all).argmax())
     moved = abs(z_all[t]) > _SURE and abs(moved_mm[t]) > _MATTERS * sensor.length_mm
     if moved and not 0 < len(found) <= _HALF * sensor.strips:
@@ -81,9 +85,13 @@ def changed(sensor: Sensor, runs: Runs, fit: ModelFit | None) -> str:
     if not words:
         return ""
     more = f"; and {len(found) - _NAMED} strips more" if len(found) > _NAMED else ""
+    # With a warp, and a ratio that varies, in the model, uneven rubber contradicts nothing.
+    uneven = (
+        "cut" if fit.constants.model.has("warp") else "cut, or uneven (then press what --plan --uneven says)"
+    )
     return (
-        f"{'; '.join(words)}{more}: has a joint come loose on the way, is the rubber cut or uneven, or were rows "
-        "mixed up? Look at the wires (`tacstrip doctor`) and at these rows, and press again"
+        f"{'; '.join(words)}{more}: has a joint come loose on the way, were rows mixed up, or is the rubber {uneven}? "
+        "Look at the wires (`tacstrip doctor`) and at these rows, and press again"
     )
 
 

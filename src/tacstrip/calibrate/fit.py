@@ -97,7 +97,9 @@ def fit_model(
         starts = [replace(first, shared=np.where(is_fade, fade, first.shared)) for fade in _FADES]
         fits = (_gauss_newton(sensor, runs, c, _HUBER_ITERATIONS, places) for c in starts)
         return max(fits, key=lambda f: f.evidence)
-    return _gauss_newton(sensor, runs, first, 0 if old else _HUBER_ITERATIONS, places)
+    # What a smaller model took for outliers may be what the larger one describes.
+    same = old is not None and old.model == model
+    return _gauss_newton(sensor, runs, first, 0 if same else _HUBER_ITERATIONS, places)
 
 
 def average(fits: Sequence[ModelFit]) -> ModelFit:

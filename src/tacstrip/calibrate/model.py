@@ -13,6 +13,7 @@ from tacstrip.sensor.calibration import Calibration
 from tacstrip.sensor.channel import Channel, fading, piecewise_map
 from tacstrip.sensor.closed_form import k_h, k_l, transfer_length
 from tacstrip.sensor.input_load import MOST_LOAD, lost_to_load
+from tacstrip.sensor.ratio_profile import under_contact
 from tacstrip.sensor.resistance import electrical_ends
 from tacstrip.sensor.spec import Sensor
 
@@ -48,6 +49,7 @@ PARTS = {
     "fade": Part("offsets that fade towards both ends of the scale", 0.3, 0.1, "press contacts nearer to both ends"),
     "ratio": Part("the ratio of resistivities, one for all strips", 0.5, 0.2, _DIFFERENT),
     "ratios": Part("each strip's own ratio of resistivities", 0.5, 0.2, f"{_DIFFERENT} on every strip", True),
+    "profile": Part("a ratio that varies along y, strip by strip", 0.1, 0.2, f"{_DIFFERENT} along every strip", True),
     "lambda": Part("contact resistance", 0.05, 0.01, _DIFFERENT),
     "load": Part("what the converter's inputs draw", 0.005, 0.002, f"{_DIFFERENT} along every strip"),
     "points": Part("what they take from contacts without length", 0.01, 0.002, "press contacts without length too"),
@@ -71,6 +73,7 @@ _LEAST_GAIN = 0.5
 _ANY = (-1.0, 1.0)  # of Vref or L: no reading and no place is further off
 _NO_LENGTH = 1e-3  # of L: shorter contacts have none
 _MOST_END = 0.2  # of a strip's resistance
+_COSINES = 4  # of a ratio's profile
 _CORRELATED = 0.2  # of L: resistivities of places so far apart correlate with 1 / e
 
 
@@ -111,6 +114,7 @@ class Model:
         """Names of the parameters that each strip has of its own."""
         each = [f"{part} {s}" for part in ("offset", "gain") if self.has(part) for s in signatures]
         each += ["ratios"] if self.has("ratios") else []
+        each += [f"profile {i}" for i in range(1, _COSINES + 1)] if self.has("profile") else []
         each += ["ends 0", "ends 1"] if self.has("ends") else []
         each += [f"warp {i}" for i in range(1, self.pieces)] if self.has("warp") else []
         if self.has("curve"):
@@ -160,6 +164,11 @@ class Constants:
         return straight
 
     @property
+    def profile(self) -> FloatArray:
+        """Coefficients of the ratio's profile (strips, cosines)."""
+        return np.stack([self.value(f"profile {i}") for i in range(1, _COSINES + 1)], axis=-1)
+
+    @property
     def warp_at(self) -> FloatArray:
         """Places of the knots of `warp`, from 0 to 1 (knots,): the two ends where no warp is fitted."""
         return self.model.knots if self.model.has("warp") else np.array([0.0, 1.0])
@@ -203,7 +212,7 @@ def pooled_precision(model: Model, part: str) -> FloatArray:
     A warp's knots follow from the resistivities of its pieces, correlated with their neighbours', which add to 1.
     """
     if part != "warp":
-        return np.eye({"ratios": 1, "ends": 2}[part])
+        return np.eye({"ratios": 1, "ends": 2, "profile": _COSINES}[part])
     piece = np.arange(model.pieces) / model.pieces
     resistivity = np.exp(-np.abs(piece[:, None] - piece) / _CORRELATED)
     sums = (np.tri(model.pieces)[:-1] - model.knots[1:-1, None]) / model.pieces
@@ -261,6 +270,8 @@ def strip_readings(
     if model.has("warp") or model.has("ends"):
         start, end = constants.warp_at, constants.warp
         low, high = (piecewise_map(v, start, end) for v in (low, high))
+    if model.has("profile"):
+        ratio = ratio * under_contact(constants.profile, low, high - low)
     found = {
         name: (k_h if name == "kh" else k_l)(low, high - low, 1.0, ratio) for name in constants.signatures
     }
@@ -311,6 +322,7 @@ def apply(constants: Constants, sensor: Sensor) -> Sensor:
     calibration = Calibration(
         channels=tuple(channels),
         ratio=tuple(np.exp(ratios - np.mean(ratios))) if model.has("ratios") else (),
+        profile=_rows(constants.profile) if model.has("profile") else (),
         warp_at=tuple(constants.warp_at) if warped else (),
         warp=_rows(constants.warp) if warped else (),
         load=float(constants.value("load")),

@@ -250,7 +250,7 @@ def parse_model(text: str, sensor: Sensor, signatures: tuple[str, ...]) -> Model
         raise OptionError(
             f"model {text!r}: these parts do not go together on this sensor. A curve stands in place of offset, gain, "
             "fade and warp; ratio and ratios are for two layers of rubber, one of them, and ratios need k_h and k_l; "
-            "a load too, and points need a load; a fade needs an offset"
+            "a load too, and points need a load, a profile ratios; a fade needs an offset"
         )
     return model
 
@@ -260,7 +260,8 @@ def _consistent(model: Model) -> bool:
     has = model.has
     twice = has("curve") and any(has(p) for p in ("offset", "gain", "fade", "warp", "ends"))
     twice |= has("ratio") and has("ratios")
-    alone = (has("fade") and not has("offset")) or (has("points") and not has("load"))
+    needed = (("fade", "offset"), ("points", "load"), ("profile", "ratios"))
+    alone = any(has(part) and not has(other) for part, other in needed)
     return not twice and not alone and bool(model.parts)
 
 
@@ -280,6 +281,8 @@ def _larger(model: Model, sensor: Sensor, runs: Runs) -> list[Model]:
     found = [replace(model, parts=parts | {p}) for p in ("fade", *["ends"] * pair) if p not in parts]
     found += [replace(model, parts=parts | p) for p in ({"load"}, {"load", "points"}) if pair]
     found.append(replace(model, parts=parts - {"ratio"} | {"ratios"}))
-    if not model.pieces:
+    if model.has("warp"):  # rubber that is even in one layer is in both
+        found.append(replace(model, parts=parts - {"ratio"} | {"ratios", "profile"}))
+    else:
         found.append(Model(parts | {"warp"}, _WARP))
     return [m for m in found if m != model and _consistent(m) and _applicable(m, sensor, runs.signatures)]

@@ -465,6 +465,7 @@ def _physical(
         return Parameter("resistivity ratio", strip, ratio, ratio * sigma, "")
     at = int(rest[-1]) / pieces if part in ("warp", "curve") else 0.0
     words, base, scale, unit = {
+        "profile": (f"cosine {(rest or [''])[0]} of the ratio along y", 0.0, 1.0, "of its log"),
         "lambda": ("contact lambda", 0.0, done.length_mm, "mm"),
         "load": ("input load", 0.0, 1.0, "of a strip's resistance over the input's"),
         "points": (DROP, 0.0, 1.0, "of k_h + k_l"),

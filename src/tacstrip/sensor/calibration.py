@@ -17,12 +17,15 @@ from tacstrip.sensor.channel import Channel, Numbers, Table, check_rising, numbe
 from tacstrip.sensor.closed_form import k_h, k_l, lower_and_width
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.input_load import MOST_LOAD, lost_to_load, without_load
+from tacstrip.sensor.ratio_profile import under_contact
 
 _TEXTS = ("made", "source", "model", "sensor", "unit", "zeroed", "touch")
 _PERCENTS = ("before_percent", "after_percent")
 # Over L: the contacts that a single signature, which does not tell their length, is corrected for on uneven rubber.
 TYPICAL_LENGTHS = (0.0, 0.1, 0.2, 0.3)
 _KNOTS = 33  # of that correction, from 0 to Vref
+_ITERATIONS = 4  # of a contact's ends and the ratio under it
+_MOST_PROFILE = 1.0  # of the log of a ratio
 _MOST_END = 0.25  # of a strip's resistance: what clamps and leads may have, or a strip's end lie off
 
 
@@ -36,6 +39,8 @@ class Calibration:
         One per signature; a signature without one is passed on as it is.
     ratio
         Each strip's own ratio of resistivities over the spec's `resistivity_ratio` (strips,).
+    profile
+        How the log of that varies along each strip: coefficients of cosines (strips, cosines), see `ratio_profile`.
     warp_at, warp
         Places along y over L, from 0 to 1 (knots,), and the share of each strip's resistance that lies below them
         (strips, knots): rubber that is not uniform. From about 0, the clamp's share, to about 1.
@@ -66,6 +71,7 @@ class Calibration:
 
     channels: tuple[Channel, ...] = ()
     ratio: Numbers = ()
+    profile: Table = ()
     warp_at: Numbers = ()
     warp: Table = ()
     load: float = 0.0
@@ -89,13 +95,17 @@ class Calibration:
                 object.__setattr__(self, name, numbers(name, [getattr(self, name)])[0])
         for name in ("ratio", "warp_at"):
             object.__setattr__(self, name, numbers(name, getattr(self, name)))
-        object.__setattr__(self, "warp", table("warp", self.warp))
+        for name in ("profile", "warp"):
+            object.__setattr__(self, name, table(name, getattr(self, name)))
         object.__setattr__(self, "channels", tuple(self.channels))
         object.__setattr__(self, "load", numbers("load", [self.load])[0])
         if not 0.0 <= self.load <= MOST_LOAD:
             raise SpecError(f"load: must be 0 to {MOST_LOAD:g}, a strip's resistance over that of the input")
         if any(r <= 0.0 for r in self.ratio):
             raise SpecError("ratio: every ratio must be above 0")
+        cosines = {len(row) for row in self.profile}
+        if len(cosines) > 1 or any(abs(v) > _MOST_PROFILE for row in self.profile for v in row):
+            raise SpecError(f"profile: as many numbers for each strip, each within +-{_MOST_PROFILE:g}")
         check_rising("warp", self.warp_at, self.warp)
         if any(abs(row[0]) > _MOST_END or abs(row[-1] - 1.0) > _MOST_END for row in self.warp):
             raise SpecError(f"warp: every entry must rise from 0 to 1, each to +-{_MOST_END:g}")
@@ -160,9 +170,12 @@ class Calibration:
         """Return corrected k_h and k_l of raw ones read together, as `correct`; `ratio` is the spec's."""
         given = (("kh", kh), ("kl", kl))
         high, low = (self.channel(name).correct(np.asarray(k, dtype=float)) for name, k in given)
-        own = ratio * np.array(self.ratio or 1.0)
+        own: Any = ratio * np.array(self.ratio or 1.0)
         high, low = without_load(high, low, own, self.load)
-        high, low = self._swap(high, low, own, ratio, self.warp, self.warp_at)
+        under = own
+        for _ in range(_ITERATIONS if self.profile else 0):
+            under = own * under_contact(np.array(self.profile), *lower_and_width(high, low, 1.0, under))
+        high, low, _ = self._swap(high, low, under, ratio, self.warp, self.warp_at)
         return np.clip(high, 0.0, 1.0), np.clip(low, 0.0, 1.0)
 
     def distort_pair(
@@ -171,29 +184,32 @@ class Calibration:
         """Return the raw k_h and k_l that `correct_pair` turns into these."""
         high, low = np.asarray(kh, dtype=float), np.asarray(kl, dtype=float)
         own: Any = ratio * np.array(self.ratio or 1.0)
-        read = self._swap(high, low, ratio, own, self.warp_at, self.warp)
+        high, low, own = self._swap(high, low, ratio, own, self.warp_at, self.warp, self.profile)
         if self.load:
-            less = lost_to_load(*lower_and_width(*read, 1.0, own), own, self.load)
-            read = read[0] - less[0], read[1] - less[1]
-        channels = (self.channel(name) for name in ("kh", "kl"))
-        high, low = (np.clip(c.distort(k), 0.0, 1.0) for c, k in zip(channels, read, strict=True))
+            less = lost_to_load(*lower_and_width(high, low, 1.0, own), own, self.load)
+            high, low = high - less[0], low - less[1]
+        channels = ((self.channel("kh"), high), (self.channel("kl"), low))
+        high, low = (np.clip(c.distort(k), 0.0, 1.0) for c, k in channels)
         return high, low
 
     def _swap(
-        self, kh: FloatArray, kl: FloatArray, old: Any, new: Any, start: Any, end: Any
-    ) -> tuple[FloatArray, FloatArray]:
+        self, kh: FloatArray, kl: FloatArray, old: Any, new: Any, start: Any, end: Any, profile: Table = ()
+    ) -> tuple[FloatArray, FloatArray, Any]:
         """Exchange the rubber under the contact, a strip's own and the spec's; not clipped.
 
-        Readings go to the contact's electrical ends, over L, and back to readings. `old` and `new`: a ratio or one
-        per strip. Contact resistance only moves the electrical ends.
+        Readings go to the contact's electrical ends, over L, and back to readings. `old` and `new`: a ratio, one per
+        strip or per reading; the new one follows a profile, and is returned too. Contact resistance only moves the
+        electrical ends.
         """
-        if not (self.ratio or self.warp):
-            return kh, kl
+        if not (self.ratio or self.warp or self.profile):
+            return kh, kl, new
         l, w = lower_and_width(kh, kl, 1.0, old)
         u = l + w
         if self.warp:
             l, u = (piecewise_map(v, np.array(start), np.array(end)) for v in (l, u))
-        return k_h(l, u - l, 1.0, new), k_l(l, u - l, 1.0, new)
+        if profile:
+            new = new * under_contact(np.array(profile), l, u - l)
+        return k_h(l, u - l, 1.0, new), k_l(l, u - l, 1.0, new), new
 
     def check(self, strips: int, signatures: tuple[str, ...], fingerprint: str) -> None:
         """Refuse a sensor that this calibration is not of: `SpecError` names what differs."""
@@ -202,7 +218,7 @@ class Calibration:
                 f"the calibration is of another sensor ({self.sensor}), and this one is {fingerprint}: calibrate it "
                 "anew; where only the spec was put right, put `sensor` in [calibration] right too"
             )
-        lists: dict[str, Any] = {"ratio": self.ratio, "warp": self.warp}
+        lists: dict[str, Any] = {"ratio": self.ratio, "profile": self.profile, "warp": self.warp}
         for channel in self.channels:
             if channel.signature not in signatures:
                 raise SpecError(
@@ -213,7 +229,7 @@ class Calibration:
             raise SpecError(
                 "calibration.load: only k_h and k_l together tell what an input's load takes from them"
             )
-        if self.ratio and "kh" not in signatures:
+        if (self.ratio or self.profile) and "kh" not in signatures:
             raise SpecError("calibration.ratio: only a second layer of rubber has a ratio")
         for name, values in lists.items():
             if values and len(values) != strips:
