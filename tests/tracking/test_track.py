@@ -108,6 +108,14 @@ def test_round_objects_are_told_by_their_half_axes(kind: str, half: tuple[float,
     assert ("how far it turned is not known" in _line(one)) == (kind == "disc")
 
 
+@pytest.mark.parametrize("seed", [1, 3])
+def test_the_angles_of_a_polygon_are_numbers_that_a_disc_does_not_have(seed: int) -> None:
+    sensor, angle = ten_strips(), np.linspace(0.0, 2.0 * np.pi, 160, endpoint=False)
+    outline = 17.8 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    (one,) = ts.track(pressed(sensor, outline, sliding(50), NOISE, seed), sensor, NOISE)
+    assert (one.status, one.kind) == ("ok", "disc")
+
+
 def test_regions_of_corners_and_poses_hold_the_truth() -> None:
     """Over scenes: normalised errors are those of chi square with as many degrees of freedom."""
     sensor, poses = ten_strips(), sliding(30)

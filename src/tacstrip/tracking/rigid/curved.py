@@ -121,7 +121,8 @@ def rigid_curve(scans: RigidScans, start: Fit, chosen: IntArray, distribution: s
     def believed(one: RigidCurve) -> bool:
         worse = float(one.costs.sum()) - start.cost
         simpler = one.criterion(scans) < start.criterion(scans) - _PRICE
-        simpler &= not _lower(worse, max(start.corners.size - 3 - one.shape_numbers, 1))
+        more = start.corners.size - 3 - one.shape_numbers + len(one.poses) - one.angles
+        simpler &= not _lower(worse, max(more, 1))
         return within_noise(one.costs, one.freedom(scans), distribution) and (simpler or not explained)
 
     good = [one for one in tries if one is not None and believed(one)]
