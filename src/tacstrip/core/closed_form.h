@@ -17,23 +17,20 @@ typedef struct {
   Pack low, high, over, mix; /* l + t, u - t, 1 / D, dt/dw */
 } Ideal;
 
-static inline Ideal ideal(const Problem *s, Pack l, Pack u) {
-  Pack w = u - l, t = all(0.0);
-  Ideal contact;
-  contact.mix = t;
-  if (s->lam > 0.0) {
-    double lane[WIDTH];
-    store(lane, w);
-    for (int i = 0; i < WIDTH; i++) lane[i] = hyperbolic_tangent(lane[i] / (2.0 * s->lam));
-    Pack h = load(lane);
-    t = s->lam * h;
-    contact.mix = 0.5 * (1.0 - h * h);
-  }
-  Pack d = 1.0 - s->narrow * (w - 2.0 * t);
-  contact.low = l + t;
-  contact.high = u - t;
-  contact.over = 1.0 / where(d > LEAST_D, d, all(LEAST_D));
+/* Contacts from l to u as ideal ones, t shorter at each end; mix is its slope by their length. */
+static inline Ideal shortened(const Problem *s, Pack l, Pack u, Pack t, Pack mix) {
+  Pack d = 1.0 - s->narrow * (u - l - 2.0 * t);
+  Ideal contact = {l + t, u - t, 1.0 / where(d > LEAST_D, d, all(LEAST_D)), mix};
   return contact;
+}
+
+static inline Ideal ideal(const Problem *s, Pack l, Pack u) {
+  if (!(s->lam > 0.0)) return shortened(s, l, u, all(0.0), all(0.0));
+  double lane[WIDTH];
+  store(lane, u - l);
+  for (int i = 0; i < WIDTH; i++) lane[i] = hyperbolic_tangent(lane[i] / (2.0 * s->lam));
+  Pack h = load(lane);
+  return shortened(s, l, u, s->lam * h, 0.5 * (1.0 - h * h));
 }
 
 /* The closed form (3.3)-(3.8). */
