@@ -9,6 +9,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
+from tacstrip.geometry.moments import area
 from tacstrip.geometry.pose import placed
 from tacstrip.reconstruction.result import Alternative, Status
 from tacstrip.scan import Scan
@@ -94,7 +95,7 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
         return _curve_over_time(one, one.curve, len(scans), read)
     fit, skin, total = one.found.fit, read.skin, len(scans)
     sensor = skin.sensor
-    if _signed_area(fit.corners) < 0.0:
+    if area(fit.corners) < 0.0:
         fit = replace(fit, corners=fit.corners[::-1])
     corners, first = fit.corners, int(np.argmin(one.shown))
     middle, angle = corners.mean(axis=0), float(fit.poses[first, 2])
@@ -160,12 +161,9 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
     more_advice = (
         [_LOOKS_ALIKE] if one.alike and parted and not one.shared else [m.advice for m in one.shared]
     )
-    strays, many = _strays(one, read)
-    note = "; ".join(filter(None, [note, strays * many]))
     advice = "; ".join(dict.fromkeys(filter(None, [advice, *more_advice])))
+    status, said = _judged(advice, [note], one, read)
     others = tuple(Alternative(weight, _turned(o - middle, angle)) for o, weight in one.found.others)
-    status: Status = "doubtful" if advice else "likely" if note else "ok"
-    said = "; ".join(filter(None, [advice or note, "" if many else strays]))
     joint = tuple(sorted({*one.joint, *(s for more in one.shared for s in more.joint)}))
     return Track(
         0, outline, shape, poses, spreads, np.empty(0), np.empty(0), status, said,
@@ -199,14 +197,19 @@ def _curve_over_time(one: Object, curve: RigidCurve, total: int, read: Readings)
         advice = _LOOSE.format(far=_DEVIATIONS * loosest)
     elif _hardly_moved(one, outline, poses[np.isfinite(poses[:, 0])]):
         advice = _HARDLY_MOVED.format(n=len(one.shown))
-    strays, many = _strays(one, read)
-    note = "; ".join([_WANDERS.format(times=wider)] * (wider > 1.0) + [strays] * many)
-    status: Status = "doubtful" if advice else "likely" if note else "ok"
-    said = "; ".join(filter(None, [advice or note, "" if many else strays]))
+    status, said = _judged(advice, [_WANDERS.format(times=wider)] * (wider > 1.0), one, read)
     return Track(
         0, outline, shape, poses, spreads, np.empty(0), np.empty(0), status, said, (), tuple(one.joint),
         offsets=_offsets(one, skin), kind=curve.kind,
     )  # fmt: skip
+
+
+def _judged(advice: str, notes: list[str], one: Object, read: Readings) -> tuple[Status, str]:
+    """Return the status, and in words what makes it so, with readings that were set aside."""
+    strays, many = _strays(one, read)
+    note = "; ".join(filter(None, [*notes, strays * many]))
+    status: Status = "doubtful" if advice else "likely" if note else "ok"
+    return status, "; ".join(filter(None, [advice or note, "" if many else strays]))
 
 
 def _strays(one: Object, read: Readings) -> tuple[str, bool]:
@@ -321,8 +324,3 @@ def less_than_half_turns(angles: FloatArray) -> FloatArray:
 
 def _turned(corners: FloatArray, angle: float) -> FloatArray:
     return placed(corners, np.array([0.0, 0.0, angle]))
-
-
-def _signed_area(corners: FloatArray) -> float:
-    x, y = corners.T
-    return float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum()) / 2.0

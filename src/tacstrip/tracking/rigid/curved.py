@@ -11,6 +11,7 @@ import shapely
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.core.binding import Loss
 from tacstrip.core.rigid import RigidScans, equations, fit_poses, loss, reduced
+from tacstrip.geometry.moments import area, moments, principal_angle
 from tacstrip.tracking.rigid.corners import FEWEST, PLACES, Fit, edges_removed, reflex
 from tacstrip.tracking.rigid.covariance import information, of_numbers
 from tacstrip.tracking.rigid.offsets import Offsets, not_ruled_out, with_offsets
@@ -20,11 +21,7 @@ from tacstrip.tracking.rigid.smooth_path import centres
 DISC, ELLIPSE, ROUNDED = "disc", "ellipse", "rounded"
 _POINTS, _OF_ARCS = 60, 36  # that draw an oval, and all arcs together
 _ANGLES = 6  # of half a turn, at which a scan's pose is looked for
-_MOST_ROUNDED, _TRIED, _ROUND = (
-    6,
-    2,
-    0.1,
-)  # corners that are rounded; of ways to fewer; radius at first, of the size
+_MOST_ROUNDED, _ROUND = 6, 0.1  # corners that are rounded; their radius at first, of the size
 _STEPS, _DAMPING, _EASED, _HOPELESS = 25, 1e-3, 6.0, 1e6
 _TOLERANCE, _CAUCHY = 0.02, 3.0  # of the larger half-axis, while it is only roughly known
 _PRICE = 4.0  # of the criterion: what an outline that is no polygon has to gain
@@ -139,7 +136,7 @@ def _rounded(scans: RigidScans, start: Fit, chosen: IntArray, explained: bool) -
     best, corners = None, start.corners
     if reflex(corners).any():
         return None
-    if _signed_area(corners) < 0.0:
+    if area(corners) < 0.0:
         corners = corners[::-1]
     while True:
         if len(corners) <= _MOST_ROUNDED:
@@ -147,7 +144,7 @@ def _rounded(scans: RigidScans, start: Fit, chosen: IntArray, explained: bool) -
             inner = shapely.Polygon(corners).buffer(-radius, join_style="mitre")
             ring = shapely.get_coordinates(inner)[:-1] if inner.geom_type == "Polygon" else corners[:0]
             if len(ring) == len(corners):
-                centres_of_arcs = ring if _signed_area(ring) > 0.0 else ring[::-1]
+                centres_of_arcs = ring if area(ring) > 0.0 else ring[::-1]
                 numbers = np.concatenate([[radius], centres_of_arcs.ravel()])
                 one = _descended(scans, RigidCurve(ROUNDED, numbers, start.poses, start.costs), chosen)
                 if one.numbers[0] > 0.0 and (best is None or one.criterion(scans) < best.criterion(scans)):
@@ -164,7 +161,7 @@ def _rounded(scans: RigidScans, start: Fit, chosen: IntArray, explained: bool) -
 
 def _oval(scans: RigidScans, start: Fit, chosen: IntArray) -> RigidCurve:
     """Return the disc or ellipse that explains the scans best."""
-    middle, half, angle = _moments(start.corners)
+    middle, half, angle = _as_ellipse(start.corners)
     cos, sin = np.cos(start.poses[:, 2]), np.sin(start.poses[:, 2])
     turned = np.stack([cos * middle[0] - sin * middle[1], sin * middle[0] + cos * middle[1]], axis=1)
     poses = np.column_stack([start.poses[:, :2] + turned, start.poses[:, 2] + angle])
@@ -249,19 +246,9 @@ def _drawn(kind: str, numbers: FloatArray) -> tuple[FloatArray, FloatArray]:
     return (by @ numbers).reshape(-1, 2), by
 
 
-def _moments(corners: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+def _as_ellipse(corners: FloatArray) -> tuple[FloatArray, FloatArray, float]:
     """Return centroid, half-axes (2,) and angle of the ellipse with the moments of an outline (N, 2)."""
-    after = np.roll(corners, -1, axis=0)
-    cross = corners[:, 0] * after[:, 1] - after[:, 0] * corners[:, 1]
-    area = 0.5 * cross.sum()
-    middle = np.asarray(((corners + after) * cross[:, None]).sum(axis=0) / (6.0 * area), dtype=np.float64)
-    a, b = corners - middle, after - middle
-    over = np.asarray(a[:, 0] * b[:, 1] - b[:, 0] * a[:, 1], dtype=np.float64)
-    both = sum(np.einsum("n,ni,nj->ij", over, v, v) for v in (a, b, a + b))
-    value, vector = np.linalg.eigh(both / (24.0 * area))
-    return middle, 2.0 * np.sqrt(np.maximum(value[::-1], 1e-9)), math.atan2(vector[1, 1], vector[0, 1])
-
-
-def _signed_area(corners: FloatArray) -> float:
-    x, y = corners.T
-    return float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum()) / 2.0
+    size, middle, second = moments(corners)
+    xx, yy, xy = about = second / size
+    squares = np.linalg.eigvalsh(np.array([[xx, xy], [xy, yy]]))[::-1]
+    return middle, 2.0 * np.sqrt(np.maximum(squares, 1e-9)), principal_angle(about)
