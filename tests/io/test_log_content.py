@@ -33,9 +33,9 @@ def wide(nothing: str = "oo", between: str = "~") -> list[str]:
     ]
 
 
-def a_line_each() -> list[str]:
+def a_line_each(form: str = "ruga> 10:00:{t:06.3f} vaze#{s} {end} = {v}", nothing: str = "NA") -> list[str]:
     return [
-        f"ruga> 10:00:{0.1 * n:06.3f} vaze#{s} {end} = {field(values[n, s], 'NA')}"
+        form.format(t=0.1 * n, s=s, end=end, v=field(values[n, s], nothing))
         for n in N for s in S for end, values in (("hi", HIGH), ("lo", LOW))
     ]  # fmt: skip
 
@@ -171,13 +171,6 @@ def test_scans_that_share_a_time_are_parted_by_it(lines: list[str]) -> None:
     check(read(lines))
 
 
-def in_words() -> list[str]:
-    return [
-        f"10:00:{0.1 * n:06.3f}: {end} of vako {s} is {field(values[n, s], '-')}"
-        for n in N for s in S for end, values in (("hi", HIGH), ("lo", LOW))
-    ]  # fmt: skip
-
-
 def lists() -> list[str]:
     ends = (("hi", HIGH), ("lo", LOW))
     return [";volts", ";OL = open"] + [
@@ -204,7 +197,9 @@ def named() -> list[str]:
 
 
 @pytest.mark.parametrize(
-    "lines", [lists(), in_words(), sentences(), named()], ids=["lists", "words", "sum", "mark"]
+    "lines",
+    [lists(), a_line_each("10:00:{t:06.3f}: {end} of vako {s} is {v}", "-"), sentences(), named()],
+    ids=["lists", "words", "sum", "mark"],
 )
 def test_marks_and_names_are_told_by_the_log_itself(lines: list[str]) -> None:
     check(read(lines))
