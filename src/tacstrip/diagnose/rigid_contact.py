@@ -23,12 +23,8 @@ from tacstrip.sensor.constructions import SIGNATURES
 
 _VERTICES, _KNOTS = 24, 7  # of the outline; of the unevenness along a strip
 _OWN = 2 + _KNOTS  # numbers of a channel: offset, gain, unevenness
-_MOST_PLACES, _MOST_JOINED, _FEWEST_PLACES, _MOST_STRIPS = (
-    200,
-    600,
-    60,
-    40,
-)  # wide units' strips lie closer: there bends are small
+_MOST_PLACES, _MOST_JOINED, _FEWEST_PLACES = 200, 600, 60  # of a half, of all, and of a half at least
+_MOST_STRIPS = 40  # those of larger units lie closer: there bends are small
 _ROUNDS, _ROUNDS_JOINED, _GAINED = 60, 25, 0.98  # when to stop
 _STEPS = 0.5, 0.03, 0.1, 0.1  # least damping of x [pitch], y [L], angle; of a vertex [half the contact]
 _LESS_DAMPED, _MORE_DAMPED, _LEAST_DAMPING, _WORSE = 0.35, 4.0, 0.03, 1.1

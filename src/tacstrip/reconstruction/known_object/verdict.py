@@ -31,11 +31,11 @@ _FEWEST_READINGS = 6  # of one signature, below which ...
 _PLAUSIBLE = 0.0035
 _CHANCE, _LEAST_FREEDOM = 1e-3, 3  # of the F test, and of a polygon that it is made with
 _LEAST_NOISE = 2e-4  # of Vref: sensors that read better are compared with that
-# Where a reading was left out, the one of many whose absence explains the others best: their alarm; by how many
-# deviations it must contradict the object in other sizes too, and poses tried.
+# Where a reading was left out, the one of many whose absence explains the others best: their alarm, and by how many
+# deviations it must contradict the object in other sizes, too.
 _ALARM_WITHOUT, _FAULT = 2.5, 9.0
 _OTHER_SIZE = (
-    0.1  # of the root of its area, standard deviation of how far another object's edges lie elsewhere
+    0.1  # of the root of its area: standard deviation of how far another object's edges lie elsewhere
 )
 _OTHER_POSES, _COARSE_STEPS, _STEPS = 8, 15, 20
 

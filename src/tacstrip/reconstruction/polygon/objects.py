@@ -82,8 +82,6 @@ _MANY = (
     f"an outline of more than {_CORNERS} vertices is not held against the noise's bound: this one, of least squares, "
     "may be of a contact that no such outline explains; bounded=False judges it by chi square alone"
 )
-
-
 _FEW_TELL = (
     "{} strips do not tell this outline, the commonest of one object, from two objects on the same strips, which "
     "it is with a probability of {:.2g}: use finer strips, or slide the contact and track it"
@@ -184,19 +182,18 @@ def reconstruct_object(
         known_count=contact.known_count,
     )  # fmt: skip
     two, assessed = 0.0, None
-    if convex is not None:
+    if convex is not None and convex.like(given.outline, sensor):
         noisy = noise is None and run.sigma >= MOST_SIGMA
         two = _TWO_OF_FEW if noisy and run.problem.x.size < HELD_STRIPS else 0.0
-        if not convex.like(given.outline, sensor):
-            # Few readings tell few corners: these do not follow what they say together, outlines of more that are drawn
-            # do.
-            whole = replace(contact, run=convex.run)
-            drawn = assessing(convex.run, outline=given.outline, covariance=given.covariance, misses=True)
-            other = None if drawn.better is None else _Estimate.of(whole, sensor, scan, noise, drawn.better)
-            if other is not None and convex.like(other.outline, sensor):
-                run, contact, given, assessed, two = convex.run, whole, other, drawn, _TWO_OF_FEW
-            else:
-                convex, two = None, 0.0
+    elif convex is not None:
+        # Few readings tell few corners, which do not follow what they say together; outlines of more that are drawn do.
+        whole = replace(contact, run=convex.run)
+        drawn = assessing(convex.run, outline=given.outline, covariance=given.covariance, misses=True)
+        other = None if drawn.better is None else _Estimate.of(whole, sensor, scan, noise, drawn.better)
+        if other is not None and convex.like(other.outline, sensor):
+            run, contact, given, assessed, two = convex.run, whole, other, drawn, _TWO_OF_FEW
+        else:
+            convex = None
     wrong, pair = second_look(run, distribution, given.outline, sensor, wrong, contact.readings, convex)
     beyond = beyond_outline(run, contact.readings)
     if assessed is None:
