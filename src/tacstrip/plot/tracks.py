@@ -87,7 +87,8 @@ def track_figure(sensor: Sensor, tracks: Sequence[Track]) -> Figure:
     shared = np.zeros(len(tracks[0].times_s) if tracks else 0, dtype=bool)
     look: dict[str, Any]
     for one, colour, marker in _coloured(tracks):
-        draw_polygon(shape, one.outline, colour, f"{one.id}: {one.status}", status=one.status)
+        what = one.status if one.kind == "polygon" else f"{one.status}, {one.kind}"
+        draw_polygon(shape, one.outline, colour, f"{one.id}: {what}", status=one.status)
         for other in one.alternatives:
             ring = np.concatenate([other.vertices, other.vertices[:1]])
             shape.plot(*ring.T, color=colour, linestyle="--", linewidth=0.8, label=f"or: {other.weight:.2f}")
@@ -99,8 +100,8 @@ def track_figure(sensor: Sensor, tracks: Sequence[Track]) -> Figure:
         values = (*one.centroids.T, np.rad2deg(one.poses[:, 2]))
         panels = zip((place, place, turn), ("x", "y", "angle"), values, ("-", "--", "-"), strict=True)
         for axes, name, value, dashes in panels:
-            if name == "angle" and one.by_scan is not None:
-                continue  # no rigid outline explains the scans: none that turned
+            if name == "angle" and (one.by_scan is not None or one.kind == "disc"):
+                continue  # no rigid outline explains the scans, none that turned; or it has no angle
             look = {"color": colour, "linestyle": dashes, "marker": marker, "markersize": 3.0}
             axes.plot(time, value, markevery=max(len(time) // 8, 1), label=f"{one.id}: {name}", **look)
     for axes in (
@@ -109,6 +110,8 @@ def track_figure(sensor: Sensor, tracks: Sequence[Track]) -> Figure:
         axes.set_ylim(axes.get_ylim())
         look = {"color": SENSOR, "linewidth": 0.0, "zorder": 0, "label": "strips shared"}
         axes.fill_between(time, *axes.get_ylim(), where=shared, **look)
+    if tracks and not turn.lines:
+        say_nothing(turn, "no angle is known")
     for axes in (shape, place, turn):
         handles, labels = axes.get_legend_handles_labels()
         if labels:
