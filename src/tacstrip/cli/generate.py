@@ -9,9 +9,9 @@ from typing import Any
 
 import click
 import numpy as np
-from rich.progress import Progress
 
 from tacstrip.cli import options, warn
+from tacstrip.cli.progress import progress_bar
 from tacstrip.dataset.batches import simulate_many
 from tacstrip.dataset.generation import DataSet, generate, parts_there, resolved
 
@@ -33,7 +33,7 @@ def command(study: Path, out: Path, workers: int | None) -> None:
     """
     data = DataSet.load(study)
     _look(data)
-    with Progress(transient=True) as bar:
+    with progress_bar() as bar:
         task = bar.add_task("scans", total=data.shapes.n)
         try:
             written = generate(

@@ -11,11 +11,10 @@ from typing import Any
 
 import click
 import numpy as np
-from rich.console import Console
-from rich.progress import Progress
 
 from tacstrip.arrays import FloatArray, plain
 from tacstrip.cli import load_layers, options, protect, warn
+from tacstrip.cli.progress import progress_bar
 from tacstrip.contact.noise import Noise
 from tacstrip.contact.shape import Contact
 from tacstrip.core.binding import exported
@@ -245,7 +244,7 @@ def _show_check(
     )
     heads = "" if round_ else f"{'bound RMS':>11}{'fit RMS':>9}{'median':>8}{'9 of 10':>9}"
     click.echo(f"{'construction':<13}{'pitch':>7}{'length':>8}{heads}{'area %':>9}{'9 of 10':>9}{'ok':>6}")
-    with Progress(transient=True, console=Console(stderr=True)) as bar:
+    with progress_bar() as bar:
         task = bar.add_task("placements", total=placements * len(sensors))
         lines, reached, on_average = [], [], []
         for sensor in sensors:

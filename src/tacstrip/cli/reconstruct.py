@@ -13,6 +13,7 @@ import click
 import numpy as np
 
 from tacstrip.cli import check_method, load_layers, note, options, protect, save_picture, warn
+from tacstrip.cli.progress import followed
 from tacstrip.contact.noise import Noise
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import OptionError, ReadingError, number, one_of
@@ -141,9 +142,9 @@ def command(
     used = [_only(scan, signature) for scan in scans] if signature else scans
     if known_object is not None:
         outline, chosen = read_contact(known_object), "object"
-        results = [fit_object(scan, unit, outline, known) for scan in used]
+        results = [fit_object(scan, unit, outline, known) for scan in followed(used, "scans")]
     else:
-        results = [reconstruct(scan, spec, known, method=chosen, **own) for scan in used]
+        results = [reconstruct(scan, spec, known, method=chosen, **own) for scan in followed(used, "scans")]
     if not layered:
         results = doubt_scale(results, used, unit)
     contact = read_contact(truth) if truth else None

@@ -8,9 +8,9 @@ from typing import Any
 
 import click
 import numpy as np
-from rich.progress import Progress
 
 from tacstrip.cli import options
+from tacstrip.cli.progress import progress_bar
 from tacstrip.data.published import METRICS
 from tacstrip.thesis.ranges import POINTS
 from tacstrip.thesis.reproduce import inside_counts, reproduce, reproduce_table
@@ -34,14 +34,14 @@ def command(out: Path, seeds: int, workers: int | None, table: str | None, kind:
     """
     if table is not None:
         options.belong(False, "is for the whole: leave it or --table out", "out", "kind")
-        with Progress(transient=True) as bar:
+        with progress_bar() as bar:
             task = bar.add_task(f"table {table}", total=None)
             rows = reproduce_table(
                 table, seeds, workers, lambda n, total: bar.update(task, completed=n, total=total)
             )
         click.echo("\n".join(_lines(rows, seeds)))
         return
-    with Progress(transient=True) as bar:
+    with progress_bar() as bar:
         task = bar.add_task("cells and figures", total=None)
         tables = reproduce(
             out, seeds, workers, lambda n, total: bar.update(task, completed=n, total=total), kind

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import click
-from rich.progress import Progress
 
 from tacstrip.cli import note, options
+from tacstrip.cli.progress import progress_bar
 from tacstrip.dataset.measures import PROBLEM
 from tacstrip.dataset.sweep import Sweep, batches_there, collect, error_column, pareto, sweep
 from tacstrip.errors import OptionError
@@ -56,7 +56,7 @@ def command(
         )
         return
     try:
-        with Progress(transient=True) as bar:
+        with progress_bar() as bar:
             task = bar.add_task("batches", total=None)
             state = sweep(
                 asked, out, shard, workers, dask, lambda s: bar.update(task, completed=s.done, total=s.total)
