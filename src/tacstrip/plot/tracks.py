@@ -22,6 +22,13 @@ _DRAWN = 6  # outlines on each path
 _PALER = 0.72  # from one outline to that before
 _MOST_NAMED = 8  # objects with an entry of their own in a legend
 _MARKERS = "os^Dv"
+_LONG = 1.6  # times as long as wide, or as wide as long
+# The sheet [inch], rows and columns, and the cells of way, shape, places and angles: by the sensor's own form.
+_PANELS: dict[str, tuple[tuple[float, float], tuple[int, int], tuple[int | tuple[int, int], ...]]] = {
+    "square": ((7.0, 6.6), (2, 2), (1, 2, 3, 4)),
+    "long": ((7.0, 8.0), (3, 3), ((1, 7), (2, 3), (5, 6), (8, 9))),
+    "wide": ((9.5, 6.6), (2, 3), ((1, 3), 4, 5, 6)),
+}
 
 
 @takes(tracks=(Track, Track), sensor=Sensor)
@@ -77,8 +84,11 @@ def track(tracks: Track | Sequence[Track], sensor: Sensor, *, ax: Axes | None = 
 
 def track_figure(sensor: Sensor, tracks: Sequence[Track]) -> Figure:
     """Draw tracks: where they went, what they look like, and how they turned."""
-    figure = new_figure(7.0, 6.6)
-    way, shape, place, turn = (add_axes(figure, 2, 2, number) for number in (1, 2, 3, 4))
+    kind = "long" if _LONG * sensor.width_mm < sensor.length_mm else "square"
+    kind = "wide" if sensor.width_mm > _LONG * sensor.length_mm else kind
+    size, grid, cells = _PANELS[kind]
+    figure = new_figure(*size)
+    way, shape, place, turn = (add_axes(figure, *grid, cell) for cell in cells)
     track(tracks, sensor, ax=way)
     way.set_title("paths over the sensor")
     shape.set(xlabel="x [mm]", ylabel="y [mm]", title="shapes, 95 % regions")
