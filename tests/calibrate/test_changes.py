@@ -71,6 +71,17 @@ def test_a_ruler_that_slips_on_the_way_is_told_with_row_and_distance() -> None:
     assert f"from line {sound.line[8].min()} on all strips read as if contacts lay +1." in result.advice
 
 
+@pytest.mark.parametrize(("rail", "end"), [(0.0, "supply"), (1.0, "ground")])
+def test_a_supply_or_ground_that_sags_on_the_way_is_told(rail: float, end: str) -> None:
+    """Exit code 0 before, "within +-0.28 %", where new readings were .9 % off: an outside tester's."""
+    sound = runs(8)
+    k = sound.raw["k"].copy()
+    k[9:] += 0.015 * (rail - k[9:])
+    result = ts.calibrate_unit(SENSOR, replace(sound, raw={"k": k}))
+    assert result.status == "doubtful"
+    assert f"from line {sound.line[9].min()} on all strips read as if their {end}" in result.advice
+
+
 def test_strips_share_what_a_slanted_bar_is_off_by() -> None:
     """Taken strip by strip, it told an offset as surely as a bar for each strip."""
     straight = runs(8)

@@ -58,16 +58,8 @@ def changed(sensor: Sensor, runs: Runs, fit: ModelFit | None) -> str:
     unlikely, off = steps.misfit()
     apart = (unlikely < _UNLIKELY) & (off > _TIMES * np.median(off)) & (off > _MATTERS)
     found = np.flatnonzero(stepped | many | apart)
-    z_all, moved_mm = whole.of_all()
-    t = int(np.abs(z_all).argmax())
-    moved = abs(z_all[t]) > _SURE and abs(moved_mm[t]) > _MATTERS * sensor.length_mm
-    if moved and not 0 < len(found) <= _HALF * sensor.strips:
-        first = runs.line[t + 1][runs.line[t + 1] > 0].min()
-        return (
-            f"from line {first} on all strips read as if contacts lay {moved_mm[t]:+.2g} mm from where "
-            "the runs say, against those before: has the ruler or its zero moved, is a bar of another width, or do "
-            "readings drift? Measure the places anew, let the device warm up, and press again"
-        )
+    if not 0 < len(found) <= _HALF * sensor.strips and (of_all := _of_all(sensor, runs, fit, whole)):
+        return of_all
     words = []
     for i in found[:_NAMED]:
         name, lines = i + sensor.strip_base, runs.line[own[:, i], i]
@@ -95,6 +87,37 @@ def changed(sensor: Sensor, runs: Runs, fit: ModelFit | None) -> str:
     )
 
 
+def _of_all(sensor: Sensor, runs: Runs, fit: ModelFit, steps: _Steps) -> str:
+    """Say how all strips read from some row on, against before: places that moved, or voltages; "" where alike."""
+    by = {"place": steps.by_l, "supply": steps.predicted, "ground": 1.0 - steps.predicted}
+    found = {}
+    for name, readings in by.items():
+        z, size, share = steps.of_all(readings)
+        t = int(np.abs(z).argmax())
+        # Uneven rubber bends the readings of all strips, too, but a step explains little of it.
+        sure = _SURE if name == "place" else _SURE * np.sqrt(max(fit.excess, 1.0))
+        matters = _MATTERS * sensor.length_mm if name == "place" else _MATTERS
+        if abs(z[t]) > sure and abs(size[t]) > matters and (name == "place" or share[t] > _HALF):
+            found[name] = abs(z[t]), size[t], t
+    if not found:
+        return ""
+    surest = max(found, key=lambda name: found[name][0])
+    _, size, t = found[surest]
+    first = runs.line[t + 1][runs.line[t + 1] > 0].min()
+    if surest == "place":
+        return (
+            f"from line {first} on all strips read as if contacts lay {size:+.2g} mm from where "
+            "the runs say, against those before: has the ruler or its zero moved, is a bar of another width, or do "
+            "readings drift? Measure the places anew, let the device warm up, and press again"
+        )
+    end = {"supply": "supply had changed", "ground": "ground had been lifted"}[surest]
+    return (
+        f"from line {first} on all strips read as if their {end} by {100.0 * size:+.2g} % of Vref, against "
+        "those before: look at the wires to supply and ground, take the A/D converter's reference from the strips' own "
+        "supply, and press again"
+    )
+
+
 class _Steps:
     """Residuals of the linearised fit, all rows that count weighed alike, and steps in the order of the contacts."""
 
@@ -103,7 +126,8 @@ class _Steps:
         self.here = here = Linear(sensor, runs, fit.constants, self.sigma, fit.pooled, fit.places)
         self.counts = counts
         predicted = predict(fit.constants, sensor, runs.l_mm, runs.w_mm)
-        off = np.stack([np.where(counts, runs.raw[n] - predicted[n], 0.0) for n in runs.signatures])
+        self.predicted = np.stack([predicted[n] for n in runs.signatures])
+        off = np.where(counts, np.stack([runs.raw[n] for n in runs.signatures]) - self.predicted, 0.0)
         system = here.eliminate(counts.astype(float))
         shared, own, errors = system.solve(here.whiten(off))
         off = off - here.by[..., : len(shared)] @ shared - here.columns @ errors
@@ -150,12 +174,15 @@ class _Steps:
         times = np.divide(squares / free, rest, out=np.where(squares > 0.0, np.inf, 0.0), where=rest > 1e-30)
         return fdtrc(free, np.maximum(others, 1.0), times), self.sigma.max() * np.sqrt(squares / free)
 
-    def of_all(self) -> tuple[FloatArray, FloatArray]:
-        """Return steps of all contacts' places (contacts - 1,): how many deviations, and how far [mm]."""
-        step = self._rows(self.here.whiten(self.by_l)[..., None] * self.later)
+    def of_all(self, by: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return steps of all rows by one number, of which readings change `by` (signatures, contacts, strips).
+
+        Each (contacts - 1,): how many deviations, how far, and which share of all squares a step explains.
+        """
+        step = self._rows(self.here.whiten(np.nan_to_num(by))[..., None] * self.later)
         whole = (step**2).sum(axis=(0, 1))
         left = whole - ((np.swapaxes(self.own, 1, 2) @ step) ** 2).sum(axis=(0, 1))
         left = left - (np.einsum("srk,srn->kn", self.common, step) ** 2).sum(axis=0)
         left = np.where(left > _KNOWN * whole, left, np.inf)
         score = (step * self.off).sum(axis=(0, 1))
-        return score / np.sqrt(left), score / left
+        return score / np.sqrt(left), score / left, score**2 / left / max((self.off**2).sum(), 1e-12)
