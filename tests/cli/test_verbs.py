@@ -53,10 +53,12 @@ def test_from_spec_to_shape(folder: Path) -> None:
     (feature,) = json.loads((folder / "o.geojson").read_text())["features"]
     assert feature["properties"]["area_mm2"] == pytest.approx(50.0 * 35.0, rel=0.03)
     assert "outermost strips" not in done.stderr
-    _good(run(folder, "simulate", "mine.toml", "rectangle.wkt", "-o", "r.csv", "--at", 5, 150, "--turn", 30,
+    assert "with 2 mm the smallest object here, 34.6 mm along the strips, is 4 mm longer" in done.stderr
+    _good(run(folder, "simulate", "mine.toml", "rectangle.wkt", "-o", "r.csv", "--at", 5, 150, "--turn", 90,
               "--force"))  # fmt: skip
     done = _good(run(folder, "reconstruct", "mine.toml", "r.csv", "-o", "o2.geojson"))
     assert "1 object(s) reach the sensor's outermost strips: they may hang over its edge" in done.stderr
+    assert "contact_lambda_mm" not in done.stderr
     for picture in ("sim.png", "o.png"):
         assert (folder / picture).read_bytes()[:4] == b"\x89PNG"
 

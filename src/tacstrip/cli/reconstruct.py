@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 from collections import Counter
 from dataclasses import replace
@@ -32,6 +33,7 @@ from tacstrip.sensor.raw import invert_calibration
 from tacstrip.sensor.spec import Sensor
 
 _MOST_LINES = 20
+_LAMBDA_MM, _LONG = 2.0, 20.0  # of rubber that nobody measured; times as long, its two ends are a tenth
 _ENDINGS = (".geojson", ".json", ".csv")
 _NOISELESS = ("vertex", "profile")  # methods that take no account of noise
 _OF_METHODS = {  # option: the methods that have it
@@ -160,6 +162,8 @@ def command(
             f"{over_edge} object(s) reach the sensor's outermost strips: they may hang over its edge, and area and "
             "outline are of what lies on the sensor"
         )
+    if not layered and (shorter := _shortened(results, unit)):
+        note(shorter)
     if output is not None:
         if output.suffix.lower() == ".csv":
             write_table(output, object_records(results, contact, around_mm=around_mm))
@@ -230,6 +234,21 @@ def _at_the_border(results: list[Reconstruction], sensor: Sensor) -> int:
         return 0
     strips = (o.strips for r in results for o in r.objects if o.found)
     return sum(s.start <= read[0] or s.stop > read[-1] for s in strips)
+
+
+def _shortened(results: list[Reconstruction], sensor: Sensor) -> str:
+    """Say what contact resistance takes off both ends, where it matters and the spec says nothing of it; else ""."""
+    if sensor.contact_lambda_mm > 0.0 or sensor.calibration is not None:
+        return ""
+    profiles = (o.profile for r in results for o in r.objects if o.found and o.profile is not None)
+    least_mm = min((float(np.nanmedian(u - l)) for _, l, u in profiles), default=math.inf)
+    if least_mm > _LONG * _LAMBDA_MM:
+        return ""
+    return (
+        "contact_lambda_mm is 0 (ideal contact) and nothing is calibrated: contact resistance takes its decay length "
+        f"off both ends of a contact, and readings do not show it; with {_LAMBDA_MM:g} mm the smallest object here, "
+        f"{least_mm:.3g} mm along the strips, is {2.0 * _LAMBDA_MM:g} mm longer (`tacstrip calibrate`)"
+    )
 
 
 def _line(
