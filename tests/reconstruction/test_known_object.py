@@ -178,11 +178,7 @@ def test_a_symmetric_outline_has_no_mirror_image_of_its_own() -> None:
     oval = np.column_stack([3.0 * np.cos(angle), np.sin(angle)])
     for outline in (SHAPES["square"], SHAPES["angle"], SHAPES["triangle"], oval):
         assert has_axis(corners_of(outline))
-    for outline in (
-        SHAPES["triangle"],
-        SHAPES["five"],
-        [(0, 0), (40, 0), (40, 12), (14, 12), (14, 30), (0, 30)],
-    ):
+    for outline in (SHAPES["five"], [(0, 0), (40, 0), (40, 12), (14, 12), (14, 30), (0, 30)]):
         assert not has_axis(corners_of(outline))
 
 

@@ -20,6 +20,7 @@ from tacstrip.core.problem import FLOOR
 from tacstrip.errors import ContactError, OptionError
 from tacstrip.reconstruction.implausible import doubt_implausible
 from tacstrip.reconstruction.known_object.readings import (
+    GUESS,
     PoseFit,
     corners_of,
     distinct,
@@ -57,7 +58,6 @@ from tacstrip.sensor.spec import Sensor
 _STEPS, _FINE_STEPS = 30, 20  # of the descents
 _BRIDGED = 3  # strips that may be missing inside a contact
 _UNLIKELY = 1e-3  # weight below which an alternative is not named
-_GUESS = 0.005  # of Vref: noise of the search where none is given
 _WIDTH_READ = 0.2  # of the width: by how much wide strips read other than their centre lines
 _ENOUGH = 4  # wide strips: of fewer none is left out
 _NEIGHBOURS = 0.4  # correlation of soft edges' errors on neighbouring strips, measured on pressed rubber
@@ -189,14 +189,14 @@ def _placed(
         there[:, :PARTIAL_STRIPS] = there[:, -PARTIAL_STRIPS:] = False
     x, read, used = sensor.x_mm[run], np.where(there, k, 0.0), there.astype(float)
     fit = PoseFit(sensor, corners, run, x, scan.signatures, read, used, edge_mm, silent, wide)
-    fit = fit.with_sigma(known or max(_GUESS, sensor.adc_step))
+    fit = fit.with_sigma(known or max(GUESS, sensor.adc_step))
     coarse = fit.thinned()
     if wide:  # centre lines are as far off as that
-        coarse = coarse.with_sigma(max(known or _GUESS, _WIDTH_READ * sensor.strip_width / sensor.length_mm))
+        coarse = coarse.with_sigma(max(known or GUESS, _WIDTH_READ * sensor.strip_width / sensor.length_mm))
     poses, cost = coarse.descend(coarse.starts(), _STEPS)
     poses = distinct(coarse, poses, cost)
     if edge_mm:
-        fit = fit.with_sigma(known or _GUESS, poses[0])
+        fit = fit.with_sigma(known or GUESS, poses[0])
     poses, cost = fit.descend(poses, _FINE_STEPS)
     before = fit.weight > 0.0
     fit, poses = _without_outlier(fit, poses[np.argsort(cost)], known, distribution)

@@ -24,6 +24,7 @@ from tacstrip.sensor.slant import edge_read
 from tacstrip.sensor.spec import Sensor
 
 STARTS = 48  # angles
+GUESS = 0.005  # of Vref: noise of a search where none is given
 _COARSE_STRIPS = 60  # of the search; the poses found are refined on all strips
 _NEAR = 4.0  # spreads within which two descents ended in one pose
 _SETTLED = 1e-3  # gain in chi square that ends a descent

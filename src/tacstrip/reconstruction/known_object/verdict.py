@@ -10,6 +10,7 @@ import shapely
 
 from tacstrip.arrays import FloatArray
 from tacstrip.reconstruction.known_object.readings import (
+    GUESS,
     PoseFit,
     cost_of,
     freedom_of,
@@ -41,6 +42,7 @@ _FAR_BETTER = (
     0.5  # of the noise that the object leaves, where that is not known: so little leaves what does explain it
 )
 _TRIED, _STEPS = 4, 20  # poses of the mirror image, and steps of descents
+_LARGER_OR_SMALLER = "the object in another size explains the readings better: it is another object"
 _HARDLY_TOLD = 0.05  # of its size: a deviation for which 10 % more or less would read nearly alike
 _ANY_SIZE = "its size is taken as drawn: 10 % more or less would read nearly alike"
 _FLIPPED = "is the drawing flipped, as where its y points down?"
@@ -93,10 +95,15 @@ def judged(
     `whole` is the fit with the reading that was left out, if one was; `sure` the probability that the outline overlaps
     the object as "ok" promises; `known` the noise, if given [Vref]; `mirrored` has the mirror image's poses.
     """
-    pose, odds, deviation = best.pose, 0.0, 0.0
-    if best.errors is None and not (fit.edge_mm or fit.wide):
+    pose, deviation = best.pose, 0.0
+    unlike = _unlike(fit, whole, pose, known, distribution, best.errors)
+    if not unlike and best.errors is None and not (fit.edge_mm or fit.wide):
         odds, deviation = odds_of_another_size(fit, pose, known)
-    if unlike := _unlike(fit, whole, pose, known, distribution, best.errors, odds):
+        unlike = _LARGER_OR_SMALLER if odds > 1.0 else ""
+    left_out = np.count_nonzero(fit.weight) < np.count_nonzero(whole.weight)
+    if not unlike and left_out and like_another(fit, whole, pose, cost_of(fit, pose) + _FAULT**2):
+        unlike = "all strips read nearly as the object does in another size, or as its mirror image"
+    if unlike:
         return "doubtful", unlike + _what_explains(whole, pose, known, distribution, mirrored), False
     if sum(one.weight for one in mirrored) > 0.5:
         return "doubtful", f"the mirror image of this outline explains the readings better: {_FLIPPED}", True
@@ -128,7 +135,6 @@ def _unlike(
     known: float | None,
     distribution: str,
     errors: CorrelatedErrors | None,
-    another_size: float,
 ) -> str:
     """Say why the readings are not of this object; "" where they may be."""
     left = readings_left(fit, pose)
@@ -150,10 +156,6 @@ def _unlike(
     if (off := _off_at_the_ends(fit, pose)) > fit.sensor.pitch_mm:
         where = f"this object ends {off:.3g} mm from where the touched strips say"
         return f"{where}: it is another object, or there are two"
-    if another_size > 1.0:
-        return "the object in another size explains the readings better: it is another object"
-    if left_out and like_another(fit, whole, pose, cost_of(fit, pose) + _FAULT**2):
-        return "all strips read nearly as the object does in another size, or as its mirror image"
     return ""
 
 
@@ -172,10 +174,13 @@ def _what_explains(
 
     def does(fit: PoseFit, poses: FloatArray) -> bool:
         at = from_beside(fit, poses, _STEPS)[0]
-        far = known is None and noise_left(fit, at) > _FAR_BETTER * noise_left(whole, pose)
+        far = known is None and noise_left(fit, at) > _FAR_BETTER * left
         ends = _off_at_the_ends(fit, at) <= fit.sensor.pitch_mm
         return not far and ends and explains(fit, at, known, distribution)
 
+    left = noise_left(whole, pose)
+    if known is None:  # as much as the object leaves would hide what explains them
+        whole = whole.with_sigma(min(left, GUESS))
     if mirrored and does(
         replace(mirrored[0].fit, weight=whole.weight), np.array([one.pose for one in mirrored[:_TRIED]])
     ):
