@@ -275,11 +275,13 @@ def _without_outlier(
 
     None is left out where hardly any would be left to check the others: there another object's outline passes, too.
     """
-    if explains(fit, poses[0], known, distribution) or freedom_of(fit) < CHECKS:
+    if explains(fit, poses[0], known, distribution):
         return fit, poses
     further = from_beside(fit, poses, _FINE_STEPS)
     if explains(fit, further[0], known, distribution):
         return fit, further
+    if freedom_of(fit) < CHECKS:
+        return fit, poses
     found, every = (fit, poses), np.concatenate([poses, further])
     least = math.inf
     for at in np.argsort(-np.abs(readings_left(fit, poses[0])), axis=None)[:_SUSPECTS]:

@@ -33,6 +33,10 @@ _SIZE, _OTHER_SIZE = (
 )  # standard deviation of another object's size, and the probability that it is that
 # Of the root of its area: standard deviation of how far the edges lie elsewhere of an object that one strip disproves.
 _ELSEWHERE = 0.1
+_ALARM, _MOST = (
+    2.0,
+    50.0,
+)  # logarithms of odds: so much less is hardly worse, so much more is the most that counts
 _COARSE_STEPS, _STEPS = 30, 20
 _SIZE_STEP, _MOST_SIZES = 1.4, 12  # of the search for a size
 _OVER_BORDER = 3.0  # times what is touched: as far as an object over the border is looked for
@@ -67,18 +71,21 @@ def log_evidence(fit: PoseFit, pose: FloatArray, known: float | None, freedom: i
 def odds_of_another_size(fit: PoseFit, pose: FloatArray, known: float | None) -> tuple[float, float]:
     """Return the odds that the object has another size, and how surely the readings say which: its deviation [1]."""
     free = replace(fit, log_size=_SIZE)
-    poses = np.concatenate([pose[None], _searched(free, STARTS // 2)])
+    larger = pose + np.outer([-1.0, -0.5, 0.0, 0.5, 1.0], [0.0, 0.0, 0.0, _SIZE])
+    poses = np.concatenate([larger, _searched(free, STARTS // 2)])
     if known is None:
         level = min(noise_left(free, at) for at in poses)
         free = free.with_sigma(max(level, least_noise(fit.sensor)))
-    poses, cost = free.descend(poses, _STEPS)
-    best = poses[cost.argmin()]
-    deviation = math.sqrt(free.covariance(best)[3, 3])
+    poses, _ = free.descend(poses, _STEPS)
+    deviations = np.sqrt(free.covariances(poses)[:, 3, 3])
     freedom = freedom_of(fit) - 1
     free = replace(free, weight=fit.weight)
-    gain = log_evidence(free, best, known, freedom) - log_evidence(fit, pose, known, freedom)
-    odds = _OTHER_SIZE / (1.0 - _OTHER_SIZE) * deviation / _SIZE
-    return odds * math.exp(min(gain, 50.0)), deviation
+    gains = np.array([log_evidence(free, other, known, freedom) for other in poses])
+    gains = np.minimum(gains - log_evidence(fit, pose, known, freedom), _MOST)
+    odds = _OTHER_SIZE / (1.0 - _OTHER_SIZE) * float((np.exp(gains) * deviations).max()) / _SIZE
+    read_alike = gains > -_ALARM
+    off = np.maximum(deviations, 0.5 * np.abs(poses[:, 3]))[read_alike]
+    return odds, float(off.max(initial=0.0))
 
 
 def like_another(fit: PoseFit, whole: PoseFit, pose: FloatArray, most: float) -> bool:

@@ -43,7 +43,7 @@ _FAR_BETTER = (
 )
 _TRIED, _STEPS = 4, 20  # poses of the mirror image, and steps of descents
 _LARGER_OR_SMALLER = "the object in another size explains the readings better: it is another object"
-_HARDLY_TOLD = 0.05  # of its size: a deviation for which 10 % more or less would read nearly alike
+_HARDLY_TOLD = 0.04  # of its size: a deviation for which 10 % more or less would read nearly alike
 _ANY_SIZE = "its size is taken as drawn: 10 % more or less would read nearly alike"
 _FLIPPED = "is the drawing flipped, as where its y points down?"
 
