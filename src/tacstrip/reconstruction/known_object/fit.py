@@ -189,7 +189,8 @@ def _placed(
         there[:, :PARTIAL_STRIPS] = there[:, -PARTIAL_STRIPS:] = False
     x, read, used = sensor.x_mm[run], np.where(there, k, 0.0), there.astype(float)
     fit = PoseFit(sensor, corners, run, x, scan.signatures, read, used, edge_mm, silent, wide)
-    fit = fit.with_sigma(known or max(GUESS, sensor.adc_step))
+    # Less than what soft edges read otherwise would let one pose of several seem to be the only one.
+    fit = fit.with_sigma(math.hypot(known or max(GUESS, sensor.adc_step), edge_mm / sensor.length_mm))
     coarse = fit.thinned()
     if wide:  # centre lines are as far off as that
         coarse = coarse.with_sigma(max(known or GUESS, _WIDTH_READ * sensor.strip_width / sensor.length_mm))
