@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +20,7 @@ from tacstrip.cli import cli
 from tacstrip.io.geojson import feature_collection
 from tacstrip.reconstruction.known_object.fit import pose_covariance
 from tacstrip.reconstruction.known_object.readings import PoseFit, corners_of
+from tacstrip.reconstruction.known_object.rivals import has_axis
 
 SENSOR = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=10.0, length_mm=100.0)
 SHAPES = {
@@ -139,6 +141,70 @@ def test_one_signature_does(signature: str) -> None:
     assert iou(found.objects[0].vertices, truth.vertices) > 0.9
 
 
+def test_a_drawing_that_is_flipped_is_told() -> None:
+    """An L with y down: no pose explains its readings, and its mirror image does."""
+    flipped = [(x, -y) for x, y in SHAPES["angle"][:4]] + [(20, -30), (0, -30)]
+    truth = ts.Contact.polygon([(x, -y) for x, y in flipped]).turned(0.6).placed(50.0, 47.0)
+    scan = ts.simulate(SENSOR, truth, NOISE, rng=1)
+    for noise in (NOISE, None):
+        (found,) = ts.fit_object(scan, SENSOR, flipped, noise).objects
+        assert found.status == "doubtful"
+        assert "is the drawing flipped" in found.advice
+        assert (found.confidence, found.alternatives) == (None, ())
+
+
+@pytest.mark.parametrize(("signature", "seed", "weight"), [("kl", 1, 0.9), ("kh", 5, 0.3)])
+def test_a_mirror_image_that_explains_one_signature_too_is_weighed(
+    signature: str, seed: int, weight: float
+) -> None:
+    shape = [(0, 0), (45, 0), (30, 22)]
+    random = np.random.default_rng(seed)
+    truth = ts.Contact.polygon(shape).turned(random.uniform(-3, 3)).placed(*random.uniform(42, 58, 2))
+    k = ts.simulate(SENSOR, truth, NOISE, rng=random)[signature]
+    scan = ts.Scan(kh=k) if signature == "kh" else ts.Scan(kl=k)
+    (right,), (wrong,) = (
+        ts.fit_object(scan, SENSOR, named, NOISE).objects for named in (shape, [(-x, y) for x, y in shape])
+    )
+    assert right.status == "ok"
+    assert right.advice.startswith("its size is taken as drawn")
+    assert wrong.status == "doubtful"
+    mirrored = [a for a in wrong.alternatives if a.pose is None]
+    assert sum(a.weight for a in mirrored) > weight
+    assert iou(mirrored[0].vertices, truth.vertices) > 0.8
+
+
+def test_a_symmetric_outline_has_no_mirror_image_of_its_own() -> None:
+    angle = 2.0 * np.pi * np.arange(40) / 40
+    oval = np.column_stack([3.0 * np.cos(angle), np.sin(angle)])
+    for outline in (SHAPES["square"], SHAPES["angle"], SHAPES["triangle"], oval):
+        assert has_axis(corners_of(outline))
+    for outline in (SHAPES["five"], [(0, 0), (40, 0), (40, 12), (14, 12), (14, 30), (0, 30)]):
+        assert not has_axis(corners_of(outline))
+
+
+def test_another_size_is_not_taken_for_noise_that_nobody_knows() -> None:
+    """The readings are 1 % of Vref from the triangle's, below any ceiling of noise, and on five strips."""
+    random = np.random.default_rng(5)
+    larger = ts.Contact.polygon(1.1 * np.array(SHAPES["triangle"]))
+    truth = larger.turned(random.uniform(-3, 3)).placed(*random.uniform(42, 58, 2))
+    scan = ts.simulate(SENSOR, truth, ts.Noise(positional=0.0005), rng=random)
+    (found,) = ts.fit_object(scan, SENSOR, SHAPES["triangle"]).objects
+    assert found.status == "doubtful"
+    assert "1.1 times as large it explains them" in found.advice
+    assert ts.fit_object(scan, SENSOR, larger).status == "ok"
+
+
+def test_an_outline_in_centimetres_is_told() -> None:
+    scan = ts.simulate(SENSOR, pressed("five", 0.6), NOISE, rng=1)
+    (found,) = ts.fit_object(scan, SENSOR, 0.1 * np.array(SHAPES["five"]), NOISE).objects
+    assert found.status == "doubtful"
+    size = re.search(
+        r"; ([\d.]+) times as large it explains them: check its size, and that its unit is mm", found.advice
+    )
+    assert size is not None
+    assert float(size[1]) == pytest.approx(10.0, rel=0.02)
+
+
 def test_few_strips_say_that_they_are_few() -> None:
     """Two strips under a square leave every angle but those that are too wide."""
     narrow = ts.Sensor(construction="crs-crs", strips=3, pitch_mm=30.0, length_mm=100.0)
@@ -228,7 +294,8 @@ def test_no_strip_is_left_out_for_an_upright_edge_on_its_wrong_side() -> None:
     assert iou(found.vertices, np.array(angle)) > 0.95
 
 
-def test_slopes_are_those_of_differences() -> None:
+@pytest.mark.parametrize("log_size", [0.0, 0.1])
+def test_slopes_are_those_of_differences(log_size: float) -> None:
     k = np.full((2, 4), 0.4)
     fit = PoseFit(
         SENSOR,
@@ -238,8 +305,9 @@ def test_slopes_are_those_of_differences() -> None:
         ("kh", "kl"),
         k,
         np.full_like(k, 100.0),
-        1.0,
+        0.0 if log_size else 1.0,
         np.zeros(SENSOR.strips, dtype=bool),
+        log_size=log_size,
     )
     at = np.array([[50.3, 47.0, 0.37, 0.2]])
     slope = fit.rows(at)[1][0]
@@ -321,6 +389,13 @@ def test_the_orientation_of_a_rigid_object_is_as_sure_as_its_angle() -> None:
     assert thing.deviations[2] == pytest.approx(sigma)
     feature = feature_collection([found])["features"][0]
     assert feature["properties"]["orientation_sigma_rad"] == pytest.approx(sigma, rel=1e-4)
+
+
+def test_a_contact_that_is_no_polygon_is_named() -> None:
+    two = ts.Contact.polygon(SHAPES["square"]) + ts.Contact.polygon(SHAPES["triangle"]).moved(60.0, 0.0)
+    for outline, named in ((two, "2 polygons"), (ts.Contact.points([(1, 2)]), "1 point")):
+        with pytest.raises(ts.ContactError, match=f"must be one polygon, and not <Contact: {named}"):
+            ts.fit_object(ts.simulate(SENSOR, pressed("five", 0.0)), SENSOR, outline)
 
 
 @pytest.mark.parametrize("outline", ["abc", {"a": 1}, 5, None])

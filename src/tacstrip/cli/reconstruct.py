@@ -32,7 +32,7 @@ from tacstrip.sensor.left_out import left_out_wholly
 from tacstrip.sensor.raw import invert_calibration
 from tacstrip.sensor.spec import Sensor
 
-_MOST_LINES = 20
+_MOST_LINES, _MOST_WEIGHTS = 20, 6
 _LAMBDA_MM, _LONG = 2.0, 20.0  # of rubber that nobody measured; times as long, its two ends are a tenth
 _ENDINGS = (".geojson", ".json", ".csv")
 _NOISELESS = ("vertex", "profile")  # methods that take no account of noise
@@ -263,7 +263,8 @@ def _line(
         text += "" if found.pose is None else f", turned by {np.rad2deg(found.pose.angle):.4g} deg"
         text += f", {found.outlined}, {found.area:.6g} mm2 at x = {x:.5g}, y = {y:.5g} mm"
         text += "" if found.confidence is None else f", confidence {found.confidence:.2f}"
-        others = ", ".join(f"{a.weight:.2f}" for a in found.alternatives)
+        weights = [f"{a.weight:.2f}" for a in found.alternatives]
+        others = ", ".join(weights[:_MOST_WEIGHTS]) + (", ..." if len(weights) > _MOST_WEIGHTS else "")
         text += f", alternatives {others}" if others else ""
     text += f". {found.advice}" if found.advice else ""
     if truth is None or not found.found:

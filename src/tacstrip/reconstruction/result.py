@@ -77,7 +77,7 @@ class Alternative:
     vertices
         Its corners (N, 2) [mm], counter-clockwise.
     pose
-        Of a known object, else None.
+        Of a known object, else None; None, too, of its mirror image.
     others
         Outlines (M, 2) [mm] of the other objects, where it is several; of these only what is seen.
     """

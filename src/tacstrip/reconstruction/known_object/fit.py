@@ -20,15 +20,24 @@ from tacstrip.core.problem import FLOOR
 from tacstrip.errors import ContactError, OptionError
 from tacstrip.reconstruction.implausible import doubt_implausible
 from tacstrip.reconstruction.known_object.readings import (
-    STARTS,
+    GUESS,
     PoseFit,
     corners_of,
+    distinct,
     freedom_of,
+    from_beside,
     noise_left,
     posed_at,
     readings_left,
 )
-from tacstrip.reconstruction.known_object.verdict import ALARM, CEILING, PROBABLE, judged, probability_of
+from tacstrip.reconstruction.known_object.rivals import FLIPPED, has_axis, log_evidence, mirror_image
+from tacstrip.reconstruction.known_object.verdict import (
+    PROBABLE,
+    Hypothesis,
+    explains,
+    judged,
+    probability_of,
+)
 from tacstrip.reconstruction.noise_covariance import (
     Averaging,
     CorrelatedErrors,
@@ -37,7 +46,6 @@ from tacstrip.reconstruction.noise_covariance import (
     reading_covariance,
 )
 from tacstrip.reconstruction.on_surface import refuse_stretched
-from tacstrip.reconstruction.polygon.goodness_of_fit import chi_square_score
 from tacstrip.reconstruction.polygon.run import CHECKS
 from tacstrip.reconstruction.result import Alternative, Pose, Reconstruction, RecoveredObject
 from tacstrip.reconstruction.seam import unrolled
@@ -50,8 +58,6 @@ from tacstrip.sensor.spec import Sensor
 _STEPS, _FINE_STEPS = 30, 20  # of the descents
 _BRIDGED = 3  # strips that may be missing inside a contact
 _UNLIKELY = 1e-3  # weight below which an alternative is not named
-_NEAR = 4.0  # spreads within which two descents ended in one pose
-_GUESS = 0.005  # of Vref: noise of the search where none is given
 _WIDTH_READ = 0.2  # of the width: by how much wide strips read other than their centre lines
 _ENOUGH = 4  # wide strips: of fewer none is left out
 _NEIGHBOURS = 0.4  # correlation of soft edges' errors on neighbouring strips, measured on pressed rubber
@@ -88,10 +94,12 @@ def fit_object(
     Returns
     -------
     Reconstruction
-        An object per contact, with the posed outline as vertices, its covariance, `pose`, and `poses`: others that
-        the readings leave, each with its weight. "doubtful": the outline overlaps the truth by IoU .8 or more with a
-        probability below 90 %, or no pose explains the readings, as where it is another object. A reading that
-        does not fit is left out; "ok" then only where another size or the mirror image would not explain it.
+        An object per contact, with the posed outline as vertices, its covariance, `pose`, and `alternatives`: other
+        poses that the readings leave, each with its weight, and without a pose the outline's mirror image, for one
+        drawing in twenty is flipped. "doubtful": the outline overlaps the truth by IoU .8 or more with a
+        probability below 90 %, or no pose explains the readings, as where it is another object, or its mirror image
+        or another size of it does so better. A reading that does not fit is left out; "ok" then only where another
+        size or the mirror image would not explain it.
 
     Raises
     ------
@@ -181,14 +189,15 @@ def _placed(
         there[:, :PARTIAL_STRIPS] = there[:, -PARTIAL_STRIPS:] = False
     x, read, used = sensor.x_mm[run], np.where(there, k, 0.0), there.astype(float)
     fit = PoseFit(sensor, corners, run, x, scan.signatures, read, used, edge_mm, silent, wide)
-    fit = fit.with_sigma(known or max(_GUESS, sensor.adc_step))
+    # Less than what soft edges read otherwise would let one pose of several seem to be the only one.
+    fit = fit.with_sigma(math.hypot(known or max(GUESS, sensor.adc_step), edge_mm / sensor.length_mm))
     coarse = fit.thinned()
     if wide:  # centre lines are as far off as that
-        coarse = coarse.with_sigma(max(known or _GUESS, _WIDTH_READ * sensor.strip_width / sensor.length_mm))
+        coarse = coarse.with_sigma(max(known or GUESS, _WIDTH_READ * sensor.strip_width / sensor.length_mm))
     poses, cost = coarse.descend(coarse.starts(), _STEPS)
-    poses = _distinct(coarse, poses, cost)
+    poses = distinct(coarse, poses, cost)
     if edge_mm:
-        fit = fit.with_sigma(known or _GUESS, poses[0])
+        fit = fit.with_sigma(known or GUESS, poses[0])
     poses, cost = fit.descend(poses, _FINE_STEPS)
     before = fit.weight > 0.0
     fit, poses = _without_outlier(fit, poses[np.argsort(cost)], known, distribution)
@@ -198,29 +207,21 @@ def _placed(
     if known is None:
         fit = fit.with_sigma(sigma, poses[0])
     poses, cost = fit.descend(poses, _FINE_STEPS)
-    poses = _distinct(fit, poses, cost)
-    cost = (fit.rows(poses)[0] ** 2).sum(axis=1)
-    errors = [errors_at(fit, pose, noise, averaging) for pose in poses]
-    spread = [
-        fit.covariance(pose) * _of_student(fit, known)
-        if shared is None
-        else shared.propagated(fit.covariance(pose))
-        for pose, shared in zip(poses, errors, strict=True)
-    ]
-    volume = np.array([math.sqrt(max(float(np.linalg.det(c)), 1e-300)) for c in spread])
-    weight = np.exp(-0.5 * (cost - cost.min())) * volume
-    weight /= weight.sum()
-    order = np.argsort(-weight, kind="stable")
-    order = order[weight[order] >= _UNLIKELY]
-    found = [_pose(poses[i], spread[i]) for i in order]
-    sure = probability_of(corners, poses[order], [spread[i] for i in order], weight[order])
-    status, advice = judged(fit, whole, poses[order[0]], known, distribution, sure, errors[order[0]])
-    vertices, covariance = _vertices(corners, poses[order[0]], spread[order[0]])
-    l, u = (end[0] for end in fit.ends(poses[order[:1]])[:2])
+    found = _weighed(fit, distinct(fit, poses, cost), known, noise, averaging)
+    best, *others = found
+    sure = probability_of(found)
+    mirrored = [one for one in others if one.mirrored]
+    status, advice, explained = judged(fit, whole, best, known, distribution, sure, mirrored)
+    vertices, covariance = _vertices(corners, best.pose, best.covariance)
+    l, u = (end[0] for end in fit.ends(best.pose[None])[:2])
     alternatives = tuple(
-        Alternative(float(weight[i]), _vertices(corners, poses[i], spread[i])[0], found[j])
-        for j, i in enumerate(order)
-        if j
+        Alternative(
+            one.weight,
+            _vertices(one.fit.corners, one.pose, one.covariance)[0],
+            None if one.mirrored else _pose(one.pose, one.covariance),
+        )
+        for one in others
+        if explained and one.weight >= _UNLIKELY
     )
     notes = [advice]
     if out.any():
@@ -230,37 +231,42 @@ def _placed(
         notes.append(f"strip {names} does not fit the object and was left out: {why}")
     return RecoveredObject(
         run, vertices, (fit.x_mm, l, u), covariance, status, "; ".join(n for n in notes if n),
-        confidence=None if status != "ok" and sure >= PROBABLE else sure,  # it takes the readings for explained
-        alternatives=alternatives, pose=found[0],
+        confidence=sure if explained and (status == "ok" or sure < PROBABLE) else None,  # else it is not the question
+        alternatives=alternatives, pose=_pose(best.pose, best.covariance),
     )  # fmt: skip
+
+
+def _weighed(
+    fit: PoseFit, poses: FloatArray, known: float | None, noise: Noise | None, averaging: Averaging
+) -> list[Hypothesis]:
+    """Return what may lie there, each with its probability: first the outline at its likeliest pose."""
+    tried = [(fit, pose, False) for pose in poses]
+    if not has_axis(fit.corners):
+        flipped, mirrored = mirror_image(fit)
+        tried += [(flipped, pose, True) for pose in mirrored]
+    found: list[Hypothesis] = []
+    for one, at, is_mirrored in tried:
+        errors, covariance = errors_at(one, at, noise, averaging), one.covariance(at)
+        if errors is not None:
+            covariance = errors.propagated(covariance)
+        elif known is None:  # Student's: sigma is itself estimated
+            freedom = max(freedom_of(fit), 3)
+            covariance = covariance * freedom / (freedom - 2.0)
+        weight = math.log(FLIPPED if is_mirrored else 1.0 - FLIPPED)
+        weight += log_evidence(one, at, known, freedom_of(fit))
+        weight += 0.5 * math.log(max(float(np.linalg.det(covariance)), 1e-300))
+        found.append(Hypothesis(one, at, covariance, errors, weight, is_mirrored))
+    weights = np.exp(np.array([one.weight for one in found]) - max(one.weight for one in found))
+    weights /= weights.sum()
+    found = [replace(one, weight=float(w)) for one, w in zip(found, weights, strict=True)]
+    found.sort(key=lambda one: -one.weight)
+    best = next(one for one in found if not one.mirrored)
+    return [best, *(one for one in found if one is not best)]
 
 
 def _pose(pose: FloatArray, covariance: FloatArray) -> Pose:
     angle = math.remainder(float(pose[2]), 2.0 * math.pi)
     return Pose(float(pose[0]), float(pose[1]), angle, covariance[:3, :3])
-
-
-def _distinct(fit: PoseFit, poses: FloatArray, cost: FloatArray) -> FloatArray:
-    """Return the different poses (M, 4) among those where descents ended, the best first; poor ones are left out."""
-    kept: list[FloatArray] = []
-    size = float(np.linalg.norm(fit.corners, axis=1).max())
-    units = np.array([size, size, 1.0])
-    poses = poses[np.argsort(cost, kind="stable")][: np.sum(cost <= cost.min() + max(25.0, 0.5 * cost.min()))]
-    own = np.sqrt(np.maximum(np.einsum("bii->bi", fit.covariances(poses))[:, :3], 0.0))
-    for pose, near in zip(poses, np.minimum(_NEAR * own, 0.1 * units) + 1e-3 * units, strict=True):
-        if len(kept) < STARTS and not any((np.abs(_difference(pose, other)) <= near).all() for other in kept):
-            kept.append(pose)
-    return np.array(kept)
-
-
-def _difference(a: FloatArray, b: FloatArray) -> FloatArray:
-    return np.array([a[0] - b[0], a[1] - b[1], math.remainder(a[2] - b[2], 2.0 * math.pi)])
-
-
-def _of_student(fit: PoseFit, known: float | None) -> float:
-    """Return how much larger the variance is where sigma is itself estimated: Student's."""
-    freedom = max(freedom_of(fit), 3)
-    return 1.0 if known else freedom / (freedom - 2.0)
 
 
 def _without_outlier(
@@ -270,22 +276,13 @@ def _without_outlier(
 
     None is left out where hardly any would be left to check the others: there another object's outline passes, too.
     """
-
-    def explained(trial: PoseFit, pose: FloatArray) -> bool:
-        level = noise_left(trial, pose)
-        return level <= CEILING and (
-            known is None
-            or chi_square_score(readings_left(trial, pose), freedom_of(trial), distribution) <= ALARM
-        )
-
-    if explained(fit, poses[0]) or freedom_of(fit) < CHECKS:
+    if explains(fit, poses[0], known, distribution):
         return fit, poses
-    # An upright edge may keep the descents on the wrong side of a strip.
-    shifts = np.outer(np.linspace(-0.5, 0.5, 11) * fit.sensor.pitch_mm, [1.0, 0.0, 0.0, 0.0])
-    beside = (poses + shifts[:, None]).reshape(-1, 4)
-    further = _distinct(fit, *fit.descend(beside, _FINE_STEPS))
-    if explained(fit, further[0]):
+    further = from_beside(fit, poses, _FINE_STEPS)
+    if explains(fit, further[0], known, distribution):
         return fit, further
+    if freedom_of(fit) < CHECKS:
+        return fit, poses
     found, every = (fit, poses), np.concatenate([poses, further])
     least = math.inf
     for at in np.argsort(-np.abs(readings_left(fit, poses[0])), axis=None)[:_SUSPECTS]:
@@ -294,8 +291,8 @@ def _without_outlier(
         trial = replace(fit, weight=weight)
         ended, cost = trial.descend(every, _FINE_STEPS)
         best = int(cost.argmin())
-        if cost[best] < least and explained(trial, ended[best]):
-            least, found = cost[best], (trial, _distinct(trial, ended, cost))
+        if cost[best] < least and explains(trial, ended[best], known, distribution):
+            least, found = cost[best], (trial, distinct(trial, ended, cost))
     return found
 
 

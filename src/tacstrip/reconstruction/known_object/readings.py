@@ -24,14 +24,19 @@ from tacstrip.sensor.slant import edge_read
 from tacstrip.sensor.spec import Sensor
 
 STARTS = 48  # angles
+GUESS = 0.005  # of Vref: noise of a search where none is given
 _COARSE_STRIPS = 60  # of the search; the poses found are refined on all strips
+_NEAR = 4.0  # spreads within which two descents ended in one pose
 _SETTLED = 1e-3  # gain in chi square that ends a descent
 _RAIL = 0.05  # of Vref: nearer to ground or Vref the contact may lie over the border
 _PARTLY = 0.1  # of the width: how far off a strip is modelled that a corner or a steep edge lies on
+_LEAST_NOISE = 2e-4  # of Vref: sensors that read better are compared with that
 
 
 def corners_of(outline: npt.ArrayLike | Contact) -> FloatArray:
     """Return the corners (N, 2) [mm] about their centroid, counter-clockwise."""
+    if isinstance(outline, Contact) and [s.geom_type for s in outline.shapes] != ["Polygon"]:
+        raise ContactError(f"a known object's outline must be one polygon, and not {outline!r:.200}")
     try:
         given = outline.vertices if isinstance(outline, Contact) else np.asarray(outline, dtype=float)
     except (TypeError, ValueError):
@@ -43,7 +48,9 @@ def corners_of(outline: npt.ArrayLike | Contact) -> FloatArray:
     shape = shapely.Polygon(given)
     if not shape.is_valid or shape.area <= 0.0:
         raise ContactError("a known object's outline must be one polygon with an area, and not cross itself")
-    ring = shapely.get_coordinates(shapely.geometry.polygon.orient(shape))[:-1]
+    ring = shapely.get_coordinates(shapely.remove_repeated_points(shapely.geometry.polygon.orient(shape)))[
+        :-1
+    ]
     return np.asarray(ring - shapely.get_coordinates(shape.centroid))
 
 
@@ -68,15 +75,26 @@ class PoseFit:
     edge_mm: float
     silent: BoolArray  # strips that are left out (strips of the sensor,)
     wide: bool = False  # whether strips read over their width, or on their centre lines
+    log_size: float = (
+        0.0  # standard deviation of the logarithm of how many times as large it is; edges are hard then
+    )
 
     @property
     def parameters(self) -> int:
-        """x, y, angle, and with soft edges the outline's growth."""
-        return 4 if self.edge_mm else 3
+        """x, y, angle, and with soft edges the outline's growth, or the logarithm of its size."""
+        return 4 if self.edge_mm or self.log_size else 3
+
+    def posed(self, poses: FloatArray) -> FloatArray:
+        """Return the corners (B, N, 2) [mm] at poses x, y, angle, growth or size (B, 4)."""
+        posed = posed_at(self.corners, poses)
+        if not self.log_size:
+            return posed
+        about = poses[:, None, :2]
+        return np.asarray(about + np.exp(poses[:, 3])[:, None, None] * (posed - about))
 
     def ends(self, poses: FloatArray) -> tuple[FloatArray, ...]:
         """Return l and u (B, n) [mm], their slopes by the pose (B, n, 4), and the corners (B, N, 2)."""
-        posed = posed_at(self.corners, poses)
+        posed = self.posed(poses)
         lines = across(self.sensor, self.x_mm) if self.wide else self.x_mm[:, None]
         every = lines.ravel()
         ax, ay = posed[..., 0, None], posed[..., 1, None]  # (B, N, 1)
@@ -98,9 +116,11 @@ class PoseFit:
             at = y[pose, edge, line]
             slope = np.where(x == every, steep[pose, edge], 0.0)
             out = np.hypot(1.0, slope)
-            growth = sign * poses[:, 3:] * out
+            growth, further = sign * poses[:, 3:] * out, -sign * out
+            if self.log_size:
+                growth, further = 0.0 * growth, at - poses[:, 1:2] - slope * (x - poses[:, :1])
             turned = x - poses[:, :1] + slope * (at - poses[:, 1:2] - growth)
-            by_pose = np.stack([-slope, np.ones_like(slope), turned, -sign * out], axis=-1)
+            by_pose = np.stack([-slope, np.ones_like(slope), turned, further], axis=-1)
             grown, by_pose = self._over_the_width(at - growth, by_pose, there, -sign)
             held = np.clip(grown, 0.0, self.sensor.length_mm)
             found.append(held)
@@ -141,9 +161,9 @@ class PoseFit:
                 off, slope = self._end(posed, poses, end)
                 residuals.append(off)
                 slopes.append(slope)
-        if self.edge_mm:
-            residuals.append(-poses[:, 3:] / self.edge_mm)
-            slopes.append(np.broadcast_to([0.0, 0.0, 0.0, 1.0 / self.edge_mm], (len(poses), 1, 4)))
+        if prior := self.edge_mm or self.log_size:
+            residuals.append(-poses[:, 3:] / prior)
+            slopes.append(np.broadcast_to([0.0, 0.0, 0.0, 1.0 / prior], (len(poses), 1, 4)))
         return np.concatenate(residuals, axis=1), np.concatenate(slopes, axis=1)
 
     @cached_property
@@ -171,8 +191,9 @@ class PoseFit:
         expected = self.sensor.x_mm[self.run.stop - 1 if end else self.run.start] + sign * beyond
         weight = math.sqrt(12.0 / (gap**2 + 12.0 * self.edge_mm**2))
         one, zero = np.ones_like(x), np.zeros_like(x)
-        slope = np.stack([one, zero, poses[:, 1] - y, sign * one], axis=-1)
-        off = expected - x - sign * poses[:, 3]
+        growth, further = (0.0, x - poses[:, 0]) if self.log_size else (poses[:, 3], sign * one)
+        slope = np.stack([one, zero, poses[:, 1] - y, further], axis=-1)
+        off = expected - x - sign * growth
         return off[:, None] * weight, slope[:, None] * weight
 
     def descend(self, poses: FloatArray, steps: int) -> tuple[FloatArray, FloatArray]:
@@ -272,6 +293,47 @@ def noise_left(fit: PoseFit, pose: FloatArray) -> float:
     used = fit.weight > 0.0
     left = readings_left(fit, pose)[used] / fit.weight[used]
     return math.sqrt(float((left**2).sum()) / max(freedom_of(fit), 1))
+
+
+def distinct(fit: PoseFit, poses: FloatArray, cost: FloatArray) -> FloatArray:
+    """Return the different poses (M, 4) among those where descents ended, the best first; poor ones are left out."""
+    kept: list[FloatArray] = []
+    size = float(np.linalg.norm(fit.corners, axis=1).max())
+    units = np.array([size, size, 1.0])
+    poses = poses[np.argsort(cost, kind="stable")][: np.sum(cost <= cost.min() + max(25.0, 0.5 * cost.min()))]
+    own = np.sqrt(np.maximum(np.einsum("bii->bi", fit.covariances(poses))[:, :3], 0.0))
+    for pose, near in zip(poses, np.minimum(_NEAR * own, 0.1 * units) + 1e-3 * units, strict=True):
+        if len(kept) < STARTS and not any((np.abs(_difference(pose, other)) <= near).all() for other in kept):
+            kept.append(pose)
+    return np.array(kept)
+
+
+def from_beside(fit: PoseFit, poses: FloatArray, steps: int) -> FloatArray:
+    """Return the poses (M, 4) where descents from half a pitch to either side of poses (B, 4) end, the best first.
+
+    An upright edge may keep descents on the wrong side of a strip.
+    """
+    shifts = np.outer(np.linspace(-0.5, 0.5, 11) * fit.sensor.pitch_mm, [1.0, 0.0, 0.0, 0.0])
+    return distinct(fit, *fit.descend((poses + shifts[:, None]).reshape(-1, 4), steps))
+
+
+def _difference(a: FloatArray, b: FloatArray) -> FloatArray:
+    return np.array([a[0] - b[0], a[1] - b[1], math.remainder(a[2] - b[2], 2.0 * math.pi)])
+
+
+def cost_of(fit: PoseFit, pose: FloatArray) -> float:
+    """Return the squares that a pose (4,) leaves, over their variances."""
+    return float((fit.rows(pose[None])[0] ** 2).sum())
+
+
+def least_noise(sensor: Sensor) -> float:
+    """Return the least standard deviation [Vref] that noise which nobody knows is taken to have."""
+    return max(_LEAST_NOISE, sensor.adc_step / math.sqrt(12.0))
+
+
+def least_cost(fit: PoseFit) -> float:
+    """Return the squares that the least noise leaves."""
+    return least_noise(fit.sensor) ** 2 * float((fit.weight**2).sum())
 
 
 def freedom_of(fit: PoseFit) -> int:

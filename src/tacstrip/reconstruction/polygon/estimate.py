@@ -23,7 +23,8 @@ from tacstrip.reconstruction.implausible import doubt_implausible
 from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
 from tacstrip.reconstruction.on_surface import on_surface, refuse_surface
 from tacstrip.reconstruction.polygon.faulty_channel import without_one
-from tacstrip.reconstruction.polygon.objects import FittedContact, reconstruct_object
+from tacstrip.reconstruction.polygon.objects import reconstruct_object
+from tacstrip.reconstruction.polygon.outline_estimate import FittedContact
 from tacstrip.reconstruction.polygon.run import (
     MOST_SIGMA,
     RunFit,
