@@ -27,6 +27,7 @@ _STAYS, _RAIL = 4.0, 3.0  # deviations: an end is where it was; a reading is non
 _OUTER = 3  # strips at either end
 _MOST_STRIPS = 24  # on more, neighbours tell the noise whatever one channel reads
 _ALARM = 3.5  # deviations of chi square
+_ROUGHLY = 4.0  # of what noise leaves: l and u, whose errors go together, by themselves
 _LEAST_SQUARES = 0.1  # of residuals, a degree of freedom: of fewer than these few by chance
 
 
@@ -154,17 +155,18 @@ def without_one(
     if whole is None or whole[1].explains:
         return run
     tried = []
-    for s, i in np.argwhere(np.isfinite([*readings.values()])).tolist():
-        one = none.copy()
-        one[s, i] = True
-        if (nearest := nearest_convex(run, sensor, readings, one, sigma)) is not None:
-            tried.append((nearest[1].chi_square, (s, i), nearest[1]))
-    tried.sort(key=lambda t: t[0])
-    if len(tried) < 2:
+    for i in _strips_to_leave_out(run, sensor, readings, sigma):
+        for s in (0, 1):
+            one = none.copy()
+            one[s, i] = True
+            if (nearest := nearest_convex(run, sensor, readings, one, sigma)) is not None:
+                tried.append((nearest[1].chi_square, (s, i), nearest[1]))
+    if not tried:
         return run
-    (least, at, ends), (next_best, _, others) = tried[:2]
-    clear = least + per_vertex_penalty(run.problem.readings) <= next_best
-    if not ends.explains or others.explains or not clear:
+    tried.sort(key=lambda t: t[0])
+    (least, at, ends), rivals = tried[0], tried[1:2]
+    paid = per_vertex_penalty(run.problem.readings)
+    if not ends.explains or any(rival.explains or chi < least + paid for chi, _, rival in rivals):
         return run
     alone = fit_without(runs_of, readings, at)
     if alone.selection is None:
@@ -173,8 +175,33 @@ def without_one(
     if not sigma_known:  # what a polygon leaves over tells the noise better than few convex ends do
         told = bool(contradictory(replace(alone, singled_out=None), sensor, readings)[at])
         sigma *= math.sqrt(max(least / ends.freedom, _LEAST_SQUARES))
-    told = told or _moves_both(at, ends, sensor, readings, sigma)
+    told = told or _moves_both(at, ends, run, sensor, readings, sigma)
     return alone if told else run
+
+
+def _strips_to_leave_out(
+    run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray], sigma: float
+) -> list[int]:
+    """Return the strips without which l and u, each by itself, are roughly convex: of the others no reading can be."""
+    x, chains = _chains(run, sensor, readings, sigma)
+    there = np.isfinite(chains).all(axis=(0, 1))
+    found = []
+    for i in range(len(x)):
+        others = there & (np.arange(len(x)) != i)
+        left = sum(convex_cost(x[others], y[others], w[others]) for y, w in chains)
+        if left <= _ROUGHLY * 2 * len(x):
+            found.append(i)
+    return found
+
+
+def _chains(
+    run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray], sigma: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return x (n,) [mm], and l and -u [mm] with their weights (2, 2, n), strip by strip."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        l, u = closed_ends(sensor, readings["kh"], readings["kl"])
+    weight = 1.0 / np.stack(end_deviations(sensor, l, u, sigma)) ** 2
+    return run.problem.x * run.problem.width_mm, np.stack([np.stack([l, -u]), weight], axis=1)
 
 
 def fit_without(
@@ -191,24 +218,25 @@ def fit_without(
 
 
 def _moves_both(
-    at: tuple[int, int], ends: ConvexFit, sensor: Sensor, readings: Mapping[str, FloatArray], sigma: float
+    at: tuple[int, int],
+    ends: ConvexFit,
+    run: RunFit,
+    sensor: Sensor,
+    readings: Mapping[str, FloatArray],
+    sigma: float,
 ) -> bool:
     """Whether a reading at (s, i) moves both ends from where convex ones go on, or l above u, as no contact does."""
-    i, length = at[1], sensor.length_mm
+    i = at[1]
     kh, kl = readings["kh"], readings["kl"]
     if sensor.strip_width_mm and i in (0, len(kh) - 1):
         return False  # it may be covered by a sliver of the contact, which the others do not tell
     if kh[i] < kl[i] - 2.0 * _STAYS * sigma:
         return True
-    with np.errstate(divide="ignore", invalid="ignore"):
-        l, u = closed_ends(sensor, kh, kl)
-    if max(abs(l[i] / length - ends.ends[0, i]), abs(u[i] / length - ends.ends[1, i])) < _GAP:
+    x, chains = _chains(run, sensor, readings, sigma)
+    if np.abs(chains[:, 0, i] / sensor.length_mm - ends.ends[:, i] * (1.0, -1.0)).max() < _GAP:
         return False
-    weight = 1.0 / np.stack(end_deviations(sensor, l, u, sigma)) ** 2
-    others = np.isfinite(l + u) & (np.arange(len(l)) != i)
-    return not any(
-        _convex_with(ends.x * length, y, w, others, i) for y, w in zip((l, -u), weight, strict=True)
-    )
+    others = np.isfinite(chains).all(axis=(0, 1)) & (np.arange(len(x)) != i)
+    return not any(_convex_with(x, y, w, others, i) for y, w in chains)
 
 
 def _content(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray], sigma_known: bool) -> bool:
