@@ -197,6 +197,16 @@ def test_a_faulty_channel_says_nothing_of_untouched_strips() -> None:
     assert (note.get_text(), note.xy) == ("6:v_h not used", (SENSOR.x_mm[5], 1.0))
 
 
+def test_a_faulty_channel_is_no_border_of_strips_at_rest() -> None:
+    """Four strips under a thin end of the contact read about one level, up to where a channel is saturated."""
+    contact = ts.Contact.polygon([(1, 48), (60, 46), (99, 30), (99, 70), (60, 51)])
+    scan = ts.simulate(SENSOR, contact, NOISE, rng=1)
+    kl = scan["kl"].copy()
+    kl[4] = 1.0
+    (found,) = ts.fit_polygon(ts.Scan(kh=scan["kh"], kl=kl), SENSOR, NOISE).objects
+    assert (found.status, found.faulty) == (SURE, ("5:v_l",))
+
+
 @pytest.mark.parametrize("noise", [NOISE, None], ids=["told", "unknown"])
 @pytest.mark.parametrize("strip", [1, 2, 3, 5])
 @pytest.mark.parametrize(("low", "high"), [(70, 75), (92, 98), (2, 6)])

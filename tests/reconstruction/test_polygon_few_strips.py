@@ -111,7 +111,7 @@ def test_corners_between_three_strips_are_drawn_where_no_polygon_follows_them(kn
 
 @pytest.mark.parametrize(
     ("radius", "flat", "named", "least"),
-    [(20.0, 1.0, True, 6), (20.0, 0.6, True, 6), (25.0, 0.6, False, 5)],
+    [(20.0, 1.0, True, 6), (20.0, 0.6, True, 6), (20.0, 0.6, False, 6), (25.0, 0.6, False, 6)],
 )
 def test_a_faulty_channel_under_a_curve_costs_its_own_reading(
     radius: float, flat: float, named: bool, least: int

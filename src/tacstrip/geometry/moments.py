@@ -56,18 +56,18 @@ def principal_angle(second: FloatArray) -> float:
 
 
 def moment_jacobian(vertices: FloatArray) -> FloatArray:
-    """Return the slopes of area, the centroid's x and y, and orientation by `vertices.ravel()` (4, 2 N).
+    """Return the slopes of area, the centroid's x and y, and xx - yy and 2 xy by `vertices.ravel()` (5, 2 N).
 
-    In mm, 1 and rad/mm. Without area centroid and orientation have none, NaN; nor has the orientation of a square.
+    In mm, 1 and mm^3; the last two are of the central second moments, and their angle is twice the orientation. Without
+    area the centroid has none, NaN.
     """
-    area, centroid, (xx, yy, xy) = moments(vertices)
-    found = np.full((4, vertices.size), np.nan)
+    area, centroid, _ = moments(vertices)
+    found = np.full((5, vertices.size), np.nan)
     # About the centroid the first moments vanish, so the central moments' slopes are the plain ones'.
     found[0], by_x, by_y, by_xx, by_yy, by_xy = _slopes(vertices - centroid)
     if area:
         found[1:3] = by_x / area, by_y / area
-    if area and (reach := (xx - yy) ** 2 + 4.0 * xy**2):
-        found[3] = ((xx - yy) * by_xy - xy * (by_xx - by_yy)) / reach
+    found[3:] = by_xx - by_yy, 2.0 * by_xy
     return found
 
 
@@ -86,34 +86,41 @@ def deviations(vertices: FloatArray, covariance: FloatArray, uniform: Sequence[i
     Returns
     -------
     tuple
-        By the delta method. 1.96 of them to either side hold 95 %, so that they are less than the root of the variance
-        where an error is uniform. What the covariance leaves open is inf; an orientation that is not known at all
-        has the deviation of an axis that can lie anyhow, `UNKNOWN_ANGLE`.
+        By the delta method; of the orientation, which jumps to the other axis where both are nearly alike, by draws of
+        the second moments. 1.96 of them to either side hold 95 %, so that they are less than the root of the variance
+        where an error is uniform. What the covariance leaves open is inf; an orientation that is not known at all has
+        the deviation of an axis that can lie anyhow, `UNKNOWN_ANGLE`.
     """
-    slopes = moment_jacobian(vertices)
+    slopes, at, drawn = moment_jacobian(vertices), list(uniform), _errors()
     with np.errstate(invalid="ignore"):
-        variance = np.einsum("ij,jk,ik->i", slopes, covariance, slopes)
+        every = slopes @ covariance @ slopes.T
+        spread = slopes @ covariance[:, at] / np.sqrt(covariance[at, at])
+    variance = every.diagonal()
     sigma = np.sqrt(np.where(np.isnan(variance), np.inf, np.maximum(variance, 0.0)))
-    for i in np.flatnonzero(np.isfinite(sigma)) if len(uniform) else ():
-        at = list(uniform)
-        spread = slopes[i] @ covariance[:, at] / np.sqrt(covariance[at, at])
-        rest = math.sqrt(max(float(sigma[i] ** 2 - spread @ spread), 0.0))
-        sigma[i] = _half_width(spread, rest) / _NORMAL
-    return float(sigma[0]), sigma[1:3], min(float(sigma[3]), UNKNOWN_ANGLE)
+    off = spread @ drawn[2 : 2 + len(at)]
+    for i in np.flatnonzero(np.isfinite(sigma[:3])) if at else ():
+        rest = math.sqrt(max(float(sigma[i] ** 2 - spread[i] @ spread[i]), 0.0))
+        sigma[i] = _half_width(off[i] + rest * drawn[0]) / _NORMAL
+    turn, (xx, yy, xy) = UNKNOWN_ANGLE, moments(vertices)[2].tolist()
+    if (axes := complex(xx - yy, 2.0 * xy)) and np.isfinite(sigma[3:]).all():
+        value, vector = np.linalg.eigh((every - spread @ spread.T)[3:, 3:])
+        x, y = off[3:] + vector * np.sqrt(np.maximum(value, 0.0)) @ drawn[:2]
+        turned = 0.5 * np.angle((axes + x + 1j * y) * axes.conjugate())
+        turn = min(_half_width(turned) / _NORMAL, UNKNOWN_ANGLE)
+    return float(sigma[0]), sigma[1:3], turn
 
 
-def _half_width(uniform: FloatArray, normal: float) -> float:
-    """Return what holds 95 % of a sum of uniform errors and a normal one, of these standard deviations."""
-    drawn = _errors()
-    total = normal * drawn[0] + uniform @ drawn[1 : 1 + len(uniform)]
-    return float(np.quantile(np.abs(total), LEVEL))
+def _half_width(errors: FloatArray) -> float:
+    """Return within what of 0 drawn errors (K,) lie with that probability."""
+    return float(np.quantile(np.abs(errors), LEVEL))
 
 
 @cache
 def _errors() -> FloatArray:
-    """Return draws (3, 8000) of a normal and of two uniform errors, each of variance 1."""
+    """Return draws (4, 8000) of two normal and of two uniform errors, each of variance 1."""
     random = np.random.default_rng(0)
-    return np.vstack([random.standard_normal(8000), math.sqrt(3.0) * random.uniform(-1.0, 1.0, (2, 8000))])
+    uniform = math.sqrt(3.0) * random.uniform(-1.0, 1.0, (2, 8000))
+    return np.vstack([random.standard_normal((2, 8000)), uniform])
 
 
 def sample_deviations(vertices: FloatArray, drawn: FloatArray) -> MomentDeviations:

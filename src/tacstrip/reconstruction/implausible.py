@@ -40,7 +40,9 @@ def doubt_implausible(result: Reconstruction, scan: Scan, sensor: Sensor) -> Rec
     failed = result.status not in ("ok", "likely") or any(
         said in advice for said in _STRANGE for advice in told
     )
-    hint = implausible_hint(scan, sensor, failed, [o.vertices for o in result.objects])
+    # Nor does one pass for the border of strips at rest: without it a contact explains all others.
+    faulty = not failed and any(o.faulty for o in result.objects)
+    hint = implausible_hint(scan, sensor, failed, [o.vertices for o in result.objects], faulty)
     if not hint and not sensor.without:
         return result
 
@@ -198,16 +200,19 @@ def _chord(polygon: shapely.Geometry, x_mm: float, sensor: Sensor) -> float:
     return float(polygon.intersection(line).length)
 
 
-def implausible_hint(scan: Scan, sensor: Sensor, failed: bool, outlines: Sequence[FloatArray] = ()) -> str:
+def implausible_hint(
+    scan: Scan, sensor: Sensor, failed: bool, outlines: Sequence[FloatArray] = (), faulty: bool = False
+) -> str:
     """Say why readings cannot be meant, nothing where they can.
 
-    `failed`: whether their result is doubted anyway; `outlines` (N, 2) [mm]: what was found of them.
+    `failed`: whether their result is doubted anyway; `outlines` (N, 2) [mm]: what was found of them; `faulty`: whether
+    without a channel that makes no contact with the others.
     """
     read = {name: scan[name] for name in scan.signatures}
     hint = exchanged(read) if sensor.kind.closed_form else ""
     if failed and not hint:
         hint = read_twice(read)
-    if not hint and any(not math.isnan(k[0]) for k in read.values()) and scan.touched.all():
+    if not (hint or faulty) and any(not math.isnan(k[0]) for k in read.values()) and scan.touched.all():
         hint = rest_hint(sensor, invert_calibration(sensor, read), failed)
     if scan.moved:
         hint = (

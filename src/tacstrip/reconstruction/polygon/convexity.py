@@ -25,7 +25,7 @@ _POINTS = 60  # at most, that the regression sees: a mean of a convex function's
 _ROUNDS = 3  # of l with u as it is, and u with l
 _HELD = 1e4  # times the largest weight: of an end where l and u meet
 _NEARLY = 0.9  # IoU with convex ends that explain the readings
-_NEAR_ENOUGH = 0.006  # of Vref: the deviation of 1 % noise, as rubber has it
+NEAR_ENOUGH = 0.006  # of Vref: the deviation of 1 % noise, as rubber has it
 _ALARM = 3.09  # deviations of chi square: p = .001
 
 
@@ -136,21 +136,14 @@ def explained_by_convex(
     """
     if len(run.problem.k) == 1 or run.selection is None:
         return None
-    k = np.where(faulty, np.nan, np.stack([readings["kh"], readings["kl"]]))
-    read = np.isfinite(k)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ends = np.stack(closed_ends(sensor, *k)) / sensor.length_mm
-    one = read.any(axis=0) & ~read.all(axis=0)  # there an end's place is the other's, too
-    ends[:, one] = _on_strips(outline, run, sensor, run.problem.x[one])
-    if not np.isfinite(ends).all():
-        return None
     sigma = deviation(run, distribution, sensor, readings)
-    weight = np.where(read, 1.0 / sigma**2, 0.0)
-    problem = replace(run.problem, k=np.where(read, k, 0.0), weight=weight)
-    found = fit_convex(problem, *ends)
+    nearest = nearest_convex(run, sensor, readings, faulty, sigma, outline)
+    if nearest is None:
+        return None
+    problem, found = nearest
     # Of two objects both an estimate and what convex ends leave over are large. Where the polygon itself is off by more
     # than noise, as of curves on few strips, these ends must be so near that no noise need be made up for them.
-    most = MOST_SIGMA if run.sigma < MOST_SIGMA else _NEAR_ENOUGH
+    most = MOST_SIGMA if run.sigma < MOST_SIGMA else NEAR_ENOUGH
     if distribution is None and found.chi_square * sigma**2 > most**2 * found.freedom:
         return None
     if not found.explains:
@@ -159,6 +152,38 @@ def explained_by_convex(
         run, problem=problem, sigma=sigma, excluded=faulty, ellipse=None, ellipse_advantage=-np.inf
     )
     return OneConvex(whole, found)
+
+
+def nearest_convex(
+    run: RunFit,
+    sensor: Sensor,
+    readings: Mapping[str, FloatArray],
+    faulty: BoolArray,
+    sigma: float,
+    outline: Outline | None = None,
+) -> tuple[FitProblem, ConvexFit] | None:
+    """Return the convex l and u nearest to both signatures without `faulty` readings (2, n), and what they solve.
+
+    `sigma` is a reading's deviation [Vref]. Where a strip has one reading its ends are about those of `outline`, or of
+    the strips beside it. None where a strip has neither.
+    """
+    k, x = np.where(faulty, np.nan, np.stack([readings["kh"], readings["kl"]])), run.problem.x
+    read = np.isfinite(k)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ends = np.stack(closed_ends(sensor, *k)) / sensor.length_mm
+    one = read.any(axis=0) & ~read.all(axis=0)  # there an end's place is the other's, too
+    if outline is not None:
+        ends[:, one] = _on_strips(outline, run, sensor, x[one])
+    elif not one.all():
+        ends[:, one] = [np.interp(x[one], x[~one], end[~one]) for end in ends]
+    if not np.isfinite(ends).all():
+        return None
+    problem = replace(run.problem, k=np.where(read, k, 0.0), weight=np.where(read, 1.0 / sigma**2, 0.0))
+    found = fit_convex(problem, *ends)
+    if one.any() and len(found.x) == len(x):  # once more, nearer to where these are
+        ends[:, one] = found.ends[:, one]
+        found = fit_convex(problem, *ends)
+    return problem, found
 
 
 def deviation(

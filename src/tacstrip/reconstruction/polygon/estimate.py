@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from numbers import Real
 from threading import Lock
 
@@ -22,7 +23,8 @@ from tacstrip.errors import OptionError
 from tacstrip.reconstruction.implausible import doubt_implausible
 from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
 from tacstrip.reconstruction.on_surface import on_surface, refuse_surface
-from tacstrip.reconstruction.polygon.faulty_channel import without_one
+from tacstrip.reconstruction.polygon.convexity import NEAR_ENOUGH, nearest_convex
+from tacstrip.reconstruction.polygon.faulty_channel import contradictory, fit_without, without_one
 from tacstrip.reconstruction.polygon.objects import reconstruct_object
 from tacstrip.reconstruction.polygon.outline_estimate import FittedContact
 from tacstrip.reconstruction.polygon.run import (
@@ -33,7 +35,7 @@ from tacstrip.reconstruction.polygon.run import (
     gain_of_one,
 )
 from tacstrip.reconstruction.polygon.wide_fit import fitted_to_wide_strips
-from tacstrip.reconstruction.posterior.assessment import Effort, check_effort
+from tacstrip.reconstruction.posterior.assessment import HELD_STRIPS, Effort, check_effort
 from tacstrip.reconstruction.result import Reconstruction
 from tacstrip.reconstruction.seam import BRIDGED, unrolled
 from tacstrip.reconstruction.strip_width import fitted_strips
@@ -274,7 +276,7 @@ def _contacts(
         readings = {name: own[name][fitted] for name in own.signatures}
         x = sensor.x_mm[fitted]
 
-        def runs_of(many: Sequence[Mapping[str, FloatArray]]) -> list[RunFit]:
+        def runs_of(many: Sequence[Mapping[str, FloatArray]], sigma: float | None = sigma) -> list[RunFit]:
             tasks = [RunReadings(x, each, sigma, margin_mm) for each in many]
             return fit_runs(sensor, tasks, max_vertices, vertices)
 
@@ -296,8 +298,14 @@ def _contacts(
                 fit_thin, run, sensor, every, measured, within, sigma is not None
             )
         if sigma is None and len(readings) > 1 and run.sigma > MOST_SIGMA:  # do corners pass for noise?
-            likely = RunReadings(x, readings, MOST_SIGMA, margin_mm)
-            (again,) = fit_runs(sensor, [likely], max_vertices, vertices)
+            at, near = run.singled_out, False
+            if run.selection is not None and len(x) >= HELD_STRIPS:
+                # Noise makes no ends convex that are off by so little.
+                faulty = contradictory(run, sensor, readings)
+                convex = nearest_convex(run, sensor, readings, faulty, NEAR_ENOUGH)
+                near = convex is not None and convex[1].explains
+            likely = partial(runs_of, sigma=NEAR_ENOUGH if near else MOST_SIGMA)
+            again = likely([readings])[0] if at is None else fit_without(likely, readings, at)
             corners = again.residual_sums[0] <= again.problem.readings
             if again.selection is not None and (corners or run.outline is None):  # nor does a width
                 run = again

@@ -7,6 +7,7 @@ Where the contact ends, a narrow strip behind a notch, or of a second object, do
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -17,7 +18,7 @@ from tacstrip.core.convex_chain import convex_cost
 from tacstrip.core.model_selection import per_vertex_penalty
 from tacstrip.reconstruction.contact_ends import closed_ends, end_deviations
 from tacstrip.reconstruction.polygon.chi_square import squares_score
-from tacstrip.reconstruction.polygon.convexity import inward_corners
+from tacstrip.reconstruction.polygon.convexity import NEAR_ENOUGH, ConvexFit, inward_corners, nearest_convex
 from tacstrip.reconstruction.polygon.run import MOST_SIGMA, RunFit
 from tacstrip.sensor.spec import Sensor
 
@@ -26,8 +27,8 @@ _STAYS, _RAIL = 4.0, 3.0  # deviations: an end is where it was; a reading is non
 _OUTER = 3  # strips at either end
 _MOST_STRIPS = 24  # on more, neighbours tell the noise whatever one channel reads
 _ALARM = 3.5  # deviations of chi square
-_CLEARER = 5.0  # times smaller, the deviation without the one channel
-_ALONE = 3.0  # times larger, at least, the deviation without any other channel
+_ROUGHLY = 4.0  # of what noise leaves: l and u, whose errors go together, by themselves
+_LEAST_SQUARES = 0.1  # of residuals, a degree of freedom: of fewer than these few by chance
 
 
 def one_end_off(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray]) -> bool:
@@ -37,6 +38,10 @@ def one_end_off(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray])
     reading of a single strip; where few readings are left to check, nothing tells. (At the sensor's border a fault that
     leaves a reading off ground and Vref does so too, which is rare.)
     """
+    if run.singled_out is not None:
+        others = run.excluded.copy()
+        others[run.singled_out] = False
+        run = replace(run, excluded=others)
     if not np.count_nonzero(run.excluded):
         return False
     moved = _Moved.of(run, sensor, readings)
@@ -68,6 +73,10 @@ def contradictory(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray
     They move both ends of the contact, or its lower end above the upper one, and the contact does not just end there.
     None with one signature, nor where few readings are left to check.
     """
+    if run.singled_out is not None:
+        alone = np.zeros_like(run.excluded)
+        alone[run.singled_out] = True
+        return alone
     if len(run.excluded) < 2 or not np.count_nonzero(run.excluded) or not run.checked:
         return np.zeros_like(run.excluded)
     moved = _Moved.of(run, sensor, readings)
@@ -121,10 +130,11 @@ def without_one(
     readings: Mapping[str, FloatArray],
     sigma_known: bool,
 ) -> RunFit:
-    """Return a fit of few strips without the one reading that contradicts all others, where a fit shows it; else `run`.
+    """Return a fit of few strips without the one reading that contradicts all others, where there is one; else `run`.
 
     On few strips a fault hides among its neighbours, which it makes look odd, and makes noise that is estimated look as
-    large as itself. So where a fit does not explain its readings each of them is left out by itself.
+    large as itself; and no polygon of few corners follows a curve. So each reading is left out by itself: of the fault
+    alone, one convex object explains all others.
 
     Parameters
     ----------
@@ -135,54 +145,109 @@ def without_one(
     sigma_known
         Whether the readings' sigma was given.
     """
-    n = run.problem.x.size
+    n, none = run.problem.x.size, np.zeros_like(run.excluded)
     if len(run.problem.k) == 1 or run.selection is None or n > _MOST_STRIPS:
         return run
     if _content(run, sensor, readings, sigma_known):
         return run
-    places = np.argwhere(np.isfinite([*readings.values()]))
-    tried = []
-    for s, i in places:
-        left = np.array([*readings.values()])
-        left[s, i] = np.nan
-        tried.append(dict(zip(readings, left, strict=True)))
-    fits = runs_of(tried)
-    # Of fits that leave another out as well the other one is tried by itself.
-    alone = np.array(
-        [_cost(f, sigma_known) if f.selection is not None and not f.excluded.any() else np.inf for f in fits]
-    )
-    best = int(np.argmin(alone))
-    least, next_best = alone[best], np.partition(alone, 1)[1]
-    if sigma_known:
-        # Where the fit left out the same one by itself, there is nothing else to compare.
-        same = run.excluded[tuple(places[best])] and np.count_nonzero(run.excluded) == 1
-        rest = next_best if same else min(run.penalised_cost(1.0), next_best)
-        clear = least + per_vertex_penalty(run.problem.readings) <= rest
-    else:
-        clear = least * _CLEARER <= run.sigma and least * _ALONE <= next_best
-    if not clear:
+    sigma = run.sigma if sigma_known else NEAR_ENOUGH
+    whole = nearest_convex(run, sensor, readings, none, sigma)
+    if whole is None or whole[1].explains:
         return run
-    fits[best].excluded[tuple(places[best])] = True
-    alone_out = replace(fits[best], singled_out=True)
-    return alone_out if contradictory(alone_out, sensor, readings).any() else run
+    tried = []
+    for i in _strips_to_leave_out(run, sensor, readings, sigma):
+        for s in (0, 1):
+            one = none.copy()
+            one[s, i] = True
+            if (nearest := nearest_convex(run, sensor, readings, one, sigma)) is not None:
+                tried.append((nearest[1].chi_square, (s, i), nearest[1]))
+    if not tried:
+        return run
+    tried.sort(key=lambda t: t[0])
+    (least, at, ends), rivals = tried[0], tried[1:2]
+    paid = per_vertex_penalty(run.problem.readings)
+    if not ends.explains or any(rival.explains or chi < least + paid for chi, _, rival in rivals):
+        return run
+    alone = fit_without(runs_of, readings, at)
+    if alone.selection is None:
+        return run
+    told = False
+    if not sigma_known:  # what a polygon leaves over tells the noise better than few convex ends do
+        told = bool(contradictory(replace(alone, singled_out=None), sensor, readings)[at])
+        sigma *= math.sqrt(max(least / ends.freedom, _LEAST_SQUARES))
+    told = told or _moves_both(at, ends, run, sensor, readings, sigma)
+    return alone if told else run
+
+
+def _strips_to_leave_out(
+    run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray], sigma: float
+) -> list[int]:
+    """Return the strips without which l and u, each by itself, are roughly convex: of the others no reading can be."""
+    x, chains = _chains(run, sensor, readings, sigma)
+    there = np.isfinite(chains).all(axis=(0, 1))
+    found = []
+    for i in range(len(x)):
+        others = there & (np.arange(len(x)) != i)
+        left = sum(convex_cost(x[others], y[others], w[others]) for y, w in chains)
+        if left <= _ROUGHLY * 2 * len(x):
+            found.append(i)
+    return found
+
+
+def _chains(
+    run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray], sigma: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return x (n,) [mm], and l and -u [mm] with their weights (2, 2, n), strip by strip."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        l, u = closed_ends(sensor, readings["kh"], readings["kl"])
+    weight = 1.0 / np.stack(end_deviations(sensor, l, u, sigma)) ** 2
+    return run.problem.x * run.problem.width_mm, np.stack([np.stack([l, -u]), weight], axis=1)
+
+
+def fit_without(
+    runs_of: Callable[[Sequence[Mapping[str, FloatArray]]], list[RunFit]],
+    readings: Mapping[str, FloatArray],
+    at: tuple[int, int],
+) -> RunFit:
+    """Return the fit of all readings but one, which is singled out; arguments as of `without_one`."""
+    left = {name: k.copy() for name, k in readings.items()}
+    [*left.values()][at[0]][at[1]] = np.nan
+    (alone,) = runs_of([left])
+    alone.excluded[at] = True
+    return replace(alone, singled_out=at)
+
+
+def _moves_both(
+    at: tuple[int, int],
+    ends: ConvexFit,
+    run: RunFit,
+    sensor: Sensor,
+    readings: Mapping[str, FloatArray],
+    sigma: float,
+) -> bool:
+    """Whether a reading at (s, i) moves both ends from where convex ones go on, or l above u, as no contact does."""
+    i = at[1]
+    kh, kl = readings["kh"], readings["kl"]
+    if sensor.strip_width_mm and i in (0, len(kh) - 1):
+        return False  # it may be covered by a sliver of the contact, which the others do not tell
+    if kh[i] < kl[i] - 2.0 * _STAYS * sigma:
+        return True
+    x, chains = _chains(run, sensor, readings, sigma)
+    if np.abs(chains[:, 0, i] / sensor.length_mm - ends.ends[:, i] * (1.0, -1.0)).max() < _GAP:
+        return False
+    others = np.isfinite(chains).all(axis=(0, 1)) & (np.arange(len(x)) != i)
+    return not any(_convex_with(x, y, w, others, i) for y, w in chains)
 
 
 def _content(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray], sigma_known: bool) -> bool:
     """Whether a fit explains all readings but some that no contact makes, and not by a dent that a fault makes too."""
-    if not sigma_known:
-        return run.sigma <= MOST_SIGMA and run.model_mm.height > 0.0
-    if squares_score(run.residual_sums[0], run.freedom) > _ALARM:
+    if sigma_known and squares_score(run.residual_sums[0], run.freedom) > _ALARM:
         return False
-    if not np.count_nonzero(run.excluded):
-        return True
+    if not sigma_known and not (run.sigma <= MOST_SIGMA and run.model_mm.height > 0.0):
+        return False
     assert run.selection is not None
     sure = contradictory(run, sensor, readings)
     return bool((run.excluded == sure).all()) and not any(inward_corners(run.selection.chosen))
-
-
-def _cost(run: RunFit, sigma_known: bool) -> float:
-    """Return what fits are compared by that leave one reading out each."""
-    return run.penalised_cost(1.0) if sigma_known else run.sigma
 
 
 @dataclass(frozen=True, eq=False)

@@ -90,7 +90,7 @@ class RunFit:
     ellipse_advantage
         How much better the ellipse's criterion is than the polygon's; -inf where none was fitted.
     singled_out
-        Whether one reading is excluded, and leaving out any other explains the rest far worse.
+        Signature and strip of the one reading without which one convex object explains all others, where there is one.
     """
 
     problem: FitProblem
@@ -99,7 +99,7 @@ class RunFit:
     excluded: BoolArray
     ellipse: Ellipse | None = None
     ellipse_advantage: float = -np.inf
-    singled_out: bool = False
+    singled_out: tuple[int, int] | None = None
 
     @property
     def model(self) -> OutlineModel | None:
@@ -124,7 +124,7 @@ class RunFit:
 
         One that was singled out has been a check itself.
         """
-        return self.freedom >= CHECKS - self.singled_out
+        return self.freedom >= CHECKS - (self.singled_out is not None)
 
     @cached_property
     def model_mm(self) -> ModelInMm:
