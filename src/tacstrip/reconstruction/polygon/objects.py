@@ -37,6 +37,7 @@ from tacstrip.reconstruction.polygon.goodness_of_fit import (
 )
 from tacstrip.reconstruction.polygon.lone_fault import at_a_rail, beyond_outline
 from tacstrip.reconstruction.polygon.run import MOST_SIGMA, ModelInMm, RunFit
+from tacstrip.reconstruction.polygon.wide_fit import contradicted_by_outer_strip
 from tacstrip.reconstruction.posterior.assessment import (
     ENOUGH,
     ENOUGH_OF_FEW,
@@ -219,6 +220,8 @@ def reconstruct_object(
         others = uncounted or _OTHERS.format(100.0 * run.sigma, remedies)
         wrong = "" if noise is not None or assessed.better_explains else others
     wrong = wrong or uncounted
+    if second and effort != "none" and not wrong:  # with both signatures the others tell an outline's ends
+        wrong = contradicted_by_outer_strip(scan, sensor, strips, contact.fitted, outline, run.sigma)
     if area_mm2 is not None and not wrong:
         wrong = _other_area(outline, covariance, area_mm2, (len(x) + 1) * sensor.pitch_mm * sensor.length_mm)
     # A confidence takes the readings for explained, if by others than the fit.
