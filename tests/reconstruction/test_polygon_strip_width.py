@@ -299,12 +299,12 @@ def test_an_outline_that_ends_otherwise_on_the_outer_strips_is_contradicted() ->
     sensor, x = replace(SENSORS["crs-m"], contact_lambda_mm=0.0), (20.5, 40.0)
     upright = np.array([(x[0], 30.0), (x[1], 30.0), (x[1], 70.0), (x[0], 70.0)])
     pointed = np.array([(19.8, 68.0), (24.0, 30.0), (x[1], 30.0), (x[1], 70.0), (24.0, 70.0)])
-    scan = ts.Scan(**wide_readings(sensor, ts.Contact.polygon(upright)))
+    scan = ts.Scan(time_s=0.0, **wide_readings(sensor, ts.Contact.polygon(upright)))
     (touched,) = scan.runs()
     inner = slice(touched.start + 1, touched.stop - 1)
     said = [
-        contradicted_by_outer_strip(scan, sensor, touched, inner, Outline.of(v), 1e-3)
-        for v in (upright, pointed)
+        contradicted_by_outer_strip(scan, sensor, touched, inner, Outline.of(v), known * np.eye(v.size), 1e-3)
+        for v, known in ((upright, 1e-4), (pointed, 1e-4), (pointed, 100.0))
     ]
-    assert said[0] == ""
+    assert said[0] == said[2] == ""
     assert said[1].startswith(f"strip {touched.start}, which the contact covers in part, reads ")

@@ -221,7 +221,9 @@ def reconstruct_object(
         wrong = "" if noise is not None or assessed.better_explains else others
     wrong = wrong or uncounted
     if second and effort != "none" and not wrong:  # with both signatures the others tell an outline's ends
-        wrong = contradicted_by_outer_strip(scan, sensor, strips, contact.fitted, outline, run.sigma)
+        wrong = contradicted_by_outer_strip(
+            scan, sensor, strips, contact.fitted, outline, covariance, run.sigma
+        )
     if area_mm2 is not None and not wrong:
         wrong = _other_area(outline, covariance, area_mm2, (len(x) + 1) * sensor.pitch_mm * sensor.length_mm)
     # A confidence takes the readings for explained, if by others than the fit.

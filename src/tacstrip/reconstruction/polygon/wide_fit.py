@@ -43,6 +43,7 @@ _CORNER_ERROR = 0.08
 _PARTLY = (
     0.5  # b / L: what the closed form is off at most, but for one in a hundred, on strips covered in part
 )
+_DRAWS = 24  # outlines that the covariance allows
 _CORNERS = 12  # of more vertices a descent would take seconds
 _TURN = 1e-9  # of the sensor's area: a corner that turns inwards by less is straight
 
@@ -157,16 +158,37 @@ def fitted_to_wide_strips(
 
 
 def contradicted_by_outer_strip(
-    scan: Scan, sensor: Sensor, strips: slice, fitted: slice, outline: Outline, sigma: float
+    scan: Scan,
+    sensor: Sensor,
+    strips: slice,
+    fitted: slice,
+    outline: Outline,
+    covariance: FloatArray,
+    sigma: float,
 ) -> str:
-    """Say which of the strips that were left out of the fit reads no such outline; "" where none does."""
+    """Say which of the strips that were left out of the fit reads no such outline; "" where none does.
+
+    How far its readings scatter over what the covariance (2 V, 2 V) [mm^2] allows counts as an error of them.
+    """
     out = [*range(strips.start, fitted.start), *range(fitted.stop, strips.stop)]
-    if not out or sensor.surface is not None:
+    if not out or sensor.surface is not None or not np.isfinite(covariance).all():
         return ""
-    ends = wide_ends(sensor, [Contact.polygon(outline.vertices)])
-    made = signatures(sensor, ends.l[0, out], ends.u[0, out])
-    off = np.array([np.abs(np.nan_to_num(scan[name][out] - k)) for name, k in made.items()])  # (S, out)
-    if off.max() <= _EXPLAINED * math.hypot(sigma, _PARTLY * sensor.strip_width / sensor.length_mm):
+    moves = np.random.default_rng(0).multivariate_normal(
+        np.zeros(len(covariance)), covariance, _DRAWS, check_valid="ignore"
+    )
+    contacts = []
+    for moved in (np.zeros(len(covariance)), *moves):
+        with contextlib.suppress(ContactError):  # one that crosses itself is no contact
+            contacts.append(Contact.polygon(outline.vertices + moved.reshape(-1, 2)))
+    if len(contacts) < _DRAWS // 2:
+        return ""
+    ends = wide_ends(sensor, contacts)
+    made = np.stack([*signatures(sensor, ends.l[:, out], ends.u[:, out]).values()])  # (S, contacts, out)
+    read = np.stack([scan[name][out] for name in scan.signatures])
+    spread = np.nanstd(made, axis=1) if np.isfinite(made).any() else np.zeros_like(read)
+    known = np.hypot(sigma, _PARTLY * sensor.strip_width / sensor.length_mm)
+    off = np.nan_to_num(np.abs(read - made[:, 0]))
+    if (off <= _EXPLAINED * np.hypot(known, np.nan_to_num(spread))).all():
         return ""
     strip = out[int(off.max(axis=0).argmax())] + sensor.strip_base
     return (
