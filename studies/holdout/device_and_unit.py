@@ -17,6 +17,7 @@ Row = dict[str, Any]
 SETS: dict[str, tuple[Callable[[int, int], Row], Callable[[list[Row]], list[str]], int]] = {
     "doctor": (doctor_set.score, doctor_set.table, 60),
     "calibration": (calibration_set.score, calibration_set.table, 12),
+    "unaware": (partial(calibration_set.score, unaware=True), calibration_set.table, 12),
     "wrong": (calibration_set.score_wrong, calibration_set.table_wrong, 25),
     "device": (device_set.score, device_set.table, len(device_set.TROUBLES)),
     "wire": (device_wire.score, device_set.table, len(device_wire.TROUBLES)),

@@ -86,3 +86,9 @@ def test_no_edge_reads_beyond_its_furthest_point() -> None:
     height[9:] = np.linspace(80.0, 20.0, 8)
     for lam in (0.0, 3.0):
         assert 20.0 <= edge_read(height, 1.0, -1.0, lam) <= edge_read(height, 1.0, 1.0, lam) <= 80.0
+
+
+@pytest.mark.parametrize("slope", [0.3, 3.0, 33.3, 49.0])
+def test_an_edge_cut_into_parts_reads_as_the_whole_edge(slope: float) -> None:
+    height = np.linspace(-0.5, 0.5, 17) * slope
+    assert edge_read(height, 1.0, 1.0, 0.0) == pytest.approx(slant_shift(slope), abs=3e-4)

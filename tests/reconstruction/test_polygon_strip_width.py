@@ -15,6 +15,7 @@ from tacstrip.geometry.outline import Outline
 from tacstrip.network.strips.resolved import wide_readings
 from tacstrip.reconstruction.cramer_rao import reading_sigma, vertex_covariance, vertex_jacobian
 from tacstrip.reconstruction.polygon.estimate import fit_polygon
+from tacstrip.reconstruction.polygon.wide_fit import contradicted_by_outer_strip
 from tacstrip.reconstruction.strip_width import WithCorners, equivalent_ends, has_corner, remove_width_effect
 from tacstrip.tracking.tracker import Tracker
 
@@ -291,3 +292,19 @@ def test_the_outer_strips_tell_where_a_pointed_end_is() -> None:
     ends = [0, 4]
     np.testing.assert_allclose(found.vertices.ravel()[ends], truth.vertices.ravel()[ends], atol=0.1)
     assert np.sqrt(np.diag(found.covariance)[ends]).max() < 0.3
+
+
+def test_an_outline_that_ends_otherwise_on_the_outer_strips_is_contradicted() -> None:
+    """Upright ends and pointed ones may read alike on all strips between."""
+    sensor, x = replace(SENSORS["crs-m"], contact_lambda_mm=0.0), (20.5, 40.0)
+    upright = np.array([(x[0], 30.0), (x[1], 30.0), (x[1], 70.0), (x[0], 70.0)])
+    pointed = np.array([(19.8, 68.0), (24.0, 30.0), (x[1], 30.0), (x[1], 70.0), (24.0, 70.0)])
+    scan = ts.Scan(time_s=0.0, **wide_readings(sensor, ts.Contact.polygon(upright)))
+    (touched,) = scan.runs()
+    inner = slice(touched.start + 1, touched.stop - 1)
+    said = [
+        contradicted_by_outer_strip(scan, sensor, touched, inner, Outline.of(v), known * np.eye(v.size), 1e-3)
+        for v, known in ((upright, 1e-4), (pointed, 1e-4), (pointed, 100.0))
+    ]
+    assert said[0] == said[2] == ""
+    assert said[1].startswith(f"strip {touched.start}, which the contact covers in part, reads ")

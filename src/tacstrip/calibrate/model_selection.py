@@ -16,6 +16,7 @@ from tacstrip.sensor.spec import Sensor
 
 _ONE_PLACE = 0.01  # of the length: contacts nearer than this to each other are at one place
 _POINT_MM = 5e-7  # contacts no longer than this have no length
+_SHOW_WARP = 5  # places: offset and gain follow two of them
 
 
 def needs_lengths(model: Model, runs: Runs) -> str:
@@ -34,11 +35,14 @@ def needs_places(model: Model, sensor: Sensor, runs: Runs) -> str:
     """Say which part of the model needs more places on a strip than there are; "" otherwise. Needs no fit.
 
     Repeats are not places, nor are contacts that differ by a hair: a curve with as many knots as there are places
-    passes through each, and anywhere between. A warp's pieces are alike: half as many places tell them.
+    passes through each, and anywhere between. A warp's pieces are alike, and their spread is found: where a few places
+    show that there is one, its deviations say how little more is known.
     """
     if not (model.has("curve") or model.has("warp")):
         return ""
-    part, least = ("curve", model.pieces + 2) if model.has("curve") else ("warp", (model.pieces + 1) // 2)
+    part, least = "warp", min((model.pieces + 1) // 2, _SHOW_WARP)
+    if model.has("curve"):
+        part, least = "curve", model.pieces + 2
     usable = usable_rows(runs)
     for strip in np.flatnonzero(np.isfinite(runs.l_mm).any(axis=0)):
         place = np.stack([runs.l_mm[usable[:, strip], strip], runs.w_mm[usable[:, strip], strip]], axis=1)

@@ -12,7 +12,7 @@ from tacstrip.arguments import takes
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.calibrate.changes import changed
 from tacstrip.calibrate.fit import ModelFit, offsets_at_median, usable_rows
-from tacstrip.calibrate.goodness import Goodness, assess, assess_fit, spoilt
+from tacstrip.calibrate.goodness import Goodness, assess, assess_fit, repeat_noise, spoilt
 from tacstrip.calibrate.interpretation import exchanged_strips, misread, reversed_order
 from tacstrip.calibrate.linearised import jacobian
 from tacstrip.calibrate.model import Constants, apply, predict
@@ -30,39 +30,47 @@ _PLACES = 24  # along a strip
 _LENGTHS = (0.0, 0.15, 0.3, 0.45)  # of a strip
 _SIGMAS, _ONE_SIDE = 2.0, 1.64  # that hold 95 %: of an error about 0, of one about something large
 _MOST = 0.95  # of the readings
+_UNLIKELY = 1e-4  # a model's share of the evidence that is not counted
 
 
 def accuracy_percent(
-    sensor: Sensor, calibrated: Sensor, fit: ModelFit, others: Sequence[ModelFit] = ()
+    sensor: Sensor, calibrated: Sensor, runs: Runs, fit: ModelFit, others: Sequence[ModelFit] = ()
 ) -> float:
     """Return what 95 % of corrected readings of other contacts keep, with 95 % [% of Vref].
 
     The readings' own noise is not counted. To the parameters' deviations comes what the correction leaves were they
-    exact: one signature does not tell a contact's length, and what uneven rubber does to it depends on that.
+    exact: one signature does not tell a contact's length, and what uneven rubber does to it depends on that. And what
+    presses of uneven rubber leave beyond the noise of repeats, others leave too; where none were repeated, all of it.
 
     Parameters
     ----------
     sensor, calibrated
         Without and with the fit's constants.
-    fit
-        Its covariance counts.
+    runs, fit
+        What was fitted; the fit's covariance counts.
     others
-        Fits of other models: how far their readings lie from these counts as far as the evidence does not rule them
-        out (Hoeting et al. 1999, Bayesian model averaging).
+        Fits of other models: how far their readings lie from these, and how sure they are, counts as far as the
+        evidence does not rule them out (Hoeting et al. 1999, Bayesian model averaging).
     """
     l, w = (np.broadcast_to(v[:, None], (len(v), sensor.strips)) for v in _contacts(sensor.length_mm))
-    constants = fit.constants
-    raw = predict(constants, sensor, l, w)
+    raw = predict(fit.constants, sensor, l, w)
     pressed = Runs(l, w, raw, line=np.zeros(l.shape, int), rest={})
     bias = np.abs(np.stack(list(residuals(calibrated, pressed).values())))  # (signatures, contacts, strips)
-    # Own before shared parameters, as in the covariance.
-    by = np.roll(jacobian(sensor, constants, l, w), -len(constants.shared), axis=-1)
-    gain = np.stack([np.broadcast_to(1.0 + constants.value(f"gain {s}"), sensor.strips) for s in raw])
-    variance = np.einsum("scnp,npq,scnq->scn", by, fit.covariance, by)
-    share = np.exp([min(f.evidence - fit.evidence, 0.0) for f in others])
-    for f, weight in zip(others, share / (1.0 + share.sum()), strict=True):
-        other = np.stack(list(predict(f.constants, sensor, l, w).values()))
-        variance += weight * np.nan_to_num(other - np.stack(list(raw.values()))) ** 2
+    gain = np.stack([np.broadcast_to(1.0 + fit.constants.value(f"gain {s}"), sensor.strips) for s in raw])
+    noise = repeat_noise(runs) or 0.0
+    share = np.exp([min(f.evidence - fit.evidence, 0.0) for f in (fit, *others)])
+    variance = np.zeros_like(bias)
+    for f, weight in zip((fit, *others), share / share.sum(), strict=True):
+        if weight < _UNLIKELY:
+            continue
+        # Own before shared parameters, as in the covariance.
+        by = np.roll(jacobian(sensor, f.constants, l, w), -len(f.constants.shared), axis=-1)
+        spread = np.einsum("scnp,npq,scnq->scn", by, f.covariance, by)
+        if f.constants.model.has("warp"):
+            unexplained = [s**2 - noise**2 for s in f.sigma.values()]
+            spread += np.maximum(unexplained, 0.0)[:, None, None]
+        off = np.stack(list(predict(f.constants, sensor, l, w).values())) - np.stack(list(raw.values()))
+        variance += weight * (spread + np.nan_to_num(off) ** 2)
     sigma = np.sqrt(np.maximum(variance, 0.0)) / gain[:, None, :]
     off = np.maximum(_SIGMAS * sigma, bias + _ONE_SIDE * sigma)
     read = np.stack([(v > 0.0) & (v < 1.0) for v in raw.values()]) & (fit.weight > 0.0).any(axis=0)
@@ -234,8 +242,10 @@ class Calibrated:
                 f"k_l of contacts without length read up to {200.0 * drop:.2g} % of Vref too low. Buffer "
                 "the inputs, or choose a converter that draws less"
             )
-        if len(self.after) == 1 and "warp" in self.model:
-            cure = "the rubber is uneven, and one signature cannot correct that for long contacts"
+        if "warp" in self.model:
+            cure = "the rubber is uneven: press the places of --plan --uneven"
+            if len(self.after) == 1:
+                cure += ", though one signature cannot correct that for long contacts"
         return f"other corrected readings are right to +-{self.accuracy_percent:.2g} % of Vref (95 %) only: {cure}"
 
     def rms_percent(self, off: dict[str, FloatArray]) -> float:
@@ -369,7 +379,7 @@ def calibrate_unit(
         ),
         accuracy_percent=np.nan
         if fit is None
-        else accuracy_percent(plain, replace(done, converter=None), fit, others),
+        else accuracy_percent(plain, replace(done, converter=None), runs, fit, others),
         changed=_changed(sensor, runs),
         longer_mm=0.0 if fit is None or fit.places is None else fit.places.longer_mm(fit.errors),
     )

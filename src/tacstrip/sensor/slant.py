@@ -72,7 +72,7 @@ def edge_read(height: FloatArray, width_mm: float, sign: float, contact_lambda_m
     parts = height.shape[-1] - 1
     angle, table = _table(contact_lambda_mm / width_mm)
     slope = np.abs(np.diff(height, axis=-1)) * (parts / width_mm)
-    shift = np.interp(np.arctan(slope), angle, table)
+    shift = 0.5 * slope + np.interp(np.arctan(slope), angle, table)
     middle = 0.5 * (height[..., 1:] + height[..., :-1]) + sign * width_mm * shift
     there = np.isfinite(middle)
     count = there.sum(axis=-1)
@@ -84,9 +84,10 @@ def edge_read(height: FloatArray, width_mm: float, sign: float, contact_lambda_m
 
 @lru_cache(maxsize=8)
 def _table(decay: float) -> tuple[FloatArray, FloatArray]:
-    """Return angles and the shifts at them, over the width."""
+    """Return angles, and how far from the edge's furthest point, over the width, such edges read: that is smooth."""
     angle = np.linspace(0.0, np.arctan(50.0), _ANGLES)
-    return angle, slant_shift(np.tan(angle), decay)
+    slope = np.tan(angle)
+    return angle, slant_shift(slope, decay) - 0.5 * slope
 
 
 def _alike_across(steep: FloatArray, decay: float) -> FloatArray:

@@ -41,6 +41,7 @@ from tacstrip.reconstruction.polygon.verdict import (
     uncounted_vertices,
     verdict_of,
 )
+from tacstrip.reconstruction.polygon.wide_fit import contradicted_by_outer_strip
 from tacstrip.reconstruction.posterior.assessment import (
     HELD_STRIPS,
     PROMISED_IOU,
@@ -165,6 +166,10 @@ def reconstruct_object(
         others = uncounted or OTHERS.format(100.0 * run.sigma, remedies)
         wrong = "" if noise is not None or assessed.better_explains else others
     wrong = wrong or uncounted
+    if second and effort != "none" and not wrong:  # with both signatures the others tell an outline's ends
+        wrong = contradicted_by_outer_strip(
+            scan, sensor, strips, contact.fitted, outline, covariance, run.sigma
+        )
     if area_mm2 is not None and not wrong:
         wrong = other_area(outline, covariance, area_mm2, (len(x) + 1) * sensor.pitch_mm * sensor.length_mm)
     # A confidence takes the readings for explained, if by others than the fit.

@@ -15,7 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
+from tacstrip.contact.shape import Contact
 from tacstrip.contact.signature import signatures
+from tacstrip.contact.strip_width import wide_ends
 from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.core.swept_area import swept_share
 from tacstrip.core.vertex_covariance import covariance_with_x_priors
@@ -24,6 +26,7 @@ from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.noise_covariance import signature_jacobians
 from tacstrip.reconstruction.polygon.run import MOST_SIGMA, ModelInMm, RunFit
 from tacstrip.reconstruction.strip_width import WithCorners, has_corner, remove_width_effect
+from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
 
 _ROUNDS, _SAME = 8, 0.1  # of taking away what the width adds, until it changes by less [sigma]
@@ -37,6 +40,10 @@ _HARDER, _EASIER = 8.0, 0.1
 _EXPLAINED = 4.0  # deviations that a reading of an outer strip may be off
 # Root mean square over b / L, of the closed form on strips with a corner, lambda b / 10 to b / 2 (.07 to .1).
 _CORNER_ERROR = 0.08
+_PARTLY = (
+    0.5  # b / L: what the closed form is off at most, but for one in a hundred, on strips covered in part
+)
+_DRAWS = 24  # outlines that the covariance allows
 _CORNERS = 12  # of more vertices a descent would take seconds
 _TURN = 1e-9  # of the sensor's area: a corner that turns inwards by less is straight
 
@@ -148,6 +155,46 @@ def fitted_to_wide_strips(
                 )
             return wide or run, readings
     return run, readings
+
+
+def contradicted_by_outer_strip(
+    scan: Scan,
+    sensor: Sensor,
+    strips: slice,
+    fitted: slice,
+    outline: Outline,
+    covariance: FloatArray,
+    sigma: float,
+) -> str:
+    """Say which of the strips that were left out of the fit reads no such outline; "" where none does.
+
+    How far its readings scatter over what the covariance (2 V, 2 V) [mm^2] allows counts as an error of them.
+    """
+    out = [*range(strips.start, fitted.start), *range(fitted.stop, strips.stop)]
+    if not out or sensor.surface is not None or not np.isfinite(covariance).all():
+        return ""
+    moves = np.random.default_rng(0).multivariate_normal(
+        np.zeros(len(covariance)), covariance, _DRAWS, check_valid="ignore"
+    )
+    contacts = []
+    for moved in (np.zeros(len(covariance)), *moves):
+        with contextlib.suppress(ContactError):  # one that crosses itself is no contact
+            contacts.append(Contact.polygon(outline.vertices + moved.reshape(-1, 2)))
+    if len(contacts) < _DRAWS // 2:
+        return ""
+    ends = wide_ends(sensor, contacts)
+    made = np.stack([*signatures(sensor, ends.l[:, out], ends.u[:, out]).values()])  # (S, contacts, out)
+    read = np.stack([scan[name][out] for name in scan.signatures])
+    spread = np.nanstd(made, axis=1) if np.isfinite(made).any() else np.zeros_like(read)
+    known = np.hypot(sigma, _PARTLY * sensor.strip_width / sensor.length_mm)
+    off = np.nan_to_num(np.abs(read - made[:, 0]))
+    if (off <= _EXPLAINED * np.hypot(known, np.nan_to_num(spread))).all():
+        return ""
+    strip = out[int(off.max(axis=0).argmax())] + sensor.strip_base
+    return (
+        f"strip {strip}, which the contact covers in part, reads {100.0 * off.max():.2g} % of Vref otherwise than this "
+        "outline: it ends in another way there"
+    )
 
 
 def _hopeless(run: RunFit, sensor: Sensor) -> bool:
