@@ -33,10 +33,11 @@ CRP = ts.Sensor(
 )
 PROFILE_I = Noise(positional=0.005)
 FAINT = Noise(positional=0.001)
+_SCANS = 118  # name most faults; from 120 places of the contact on an outline is fitted, which takes ten times as long
 
 
 def _examined(
-    sensor: ts.Sensor, *defects: Defect, noise: Noise = FAINT, scans: int = 240, seed: int = 5
+    sensor: ts.Sensor, *defects: Defect, noise: Noise = FAINT, scans: int = _SCANS, seed: int = 5
 ) -> Report:
     contacts = exercise(sensor, np.random.default_rng(seed), scans)
     return diagnose(faulty_log(sensor, contacts, defects, noise, seed, 220.0))
@@ -49,7 +50,7 @@ def _only(report: Report, fault: str, *strips: int) -> Finding:
 
 def test_a_cut_strip_and_where_it_is_cut() -> None:
     for sensor in (RUBBER, METAL):
-        found = _only(_examined(sensor, Defect("open-strip", 7, 0.6)), "open-strip", 7)
+        found = _only(_examined(sensor, Defect("open-strip", 7, 0.6), scans=240), "open-strip", 7)
         assert found.numbers["at_ground"] > 10
         assert found.numbers["at_vref"] > 10
         low, high = (float(w) for w in found.evidence.split("y = ")[1].split(" mm")[0].split(" to "))
@@ -65,7 +66,7 @@ def test_an_open_end_is_a_clamp_and_not_two_dead_wires(
     sensor: ts.Sensor, end: float, words: str, offset: float
 ) -> None:
     """Wherever it is touched, all of the strip's channels are on one rail; offsets take them beside it."""
-    log = faulty_log(sensor, exercise(sensor, np.random.default_rng(5), 240), noise=FAINT)
+    log = faulty_log(sensor, exercise(sensor, np.random.default_rng(5), _SCANS), noise=FAINT)
     raw = {name: values.copy() for name, values in log.raw.items()}
     for name, values in raw.items():
         hangs = 1.0 - end + (0.5 - end) * (-offset if name == "kl" else -2.0 * offset)
@@ -96,7 +97,7 @@ def test_an_open_end_in_a_few_presses() -> None:
 def test_an_open_end_that_reads_as_untouched() -> None:
     """Rest is ground: the strip is never touched, while its neighbours are, and its wires are not all dead."""
     resting = replace(RUBBER, rest_volt=0.0, touch_volt=0.1)
-    log = faulty_log(resting, exercise(resting, np.random.default_rng(5), 240), noise=FAINT)
+    log = faulty_log(resting, exercise(resting, np.random.default_rng(5), _SCANS), noise=FAINT)
     raw = {name: np.clip(values, 0.0, 1.0) for name, values in log.raw.items()}
     for values in raw.values():
         values[:, 6] = 0.0
@@ -112,7 +113,7 @@ def test_a_cut_sensing_strip() -> None:
 def test_shorts_of_wires_and_over_metal() -> None:
     tied = _only(_examined(RUBBER, Defect("short", 4, 1.0, "kh")), "short", 4, 5)
     assert tied.numbers["differ"] < 0.3 * tied.numbers["others"]
-    bridged = _only(_examined(METAL, Defect("short", 4, 0.4)), "short", 4, 5)
+    bridged = _only(_examined(METAL, Defect("short", 4, 0.4), scans=240), "short", 4, 5)
     assert bridged.numbers["most"] - bridged.numbers["least"] > 0.02
 
 
@@ -151,7 +152,7 @@ def test_crossed_connections(sensor: ts.Sensor) -> None:
 def test_crossed_wires_of_one_strip_and_of_all() -> None:
     found = _only(_examined(RUBBER, Defect("swapped-wires", 8)), "swapped-wires", 8)
     assert found.numbers["difference"] < -0.01
-    log = faulty_log(RUBBER, exercise(RUBBER, np.random.default_rng(5), 240), noise=FAINT)
+    log = faulty_log(RUBBER, exercise(RUBBER, np.random.default_rng(5), _SCANS), noise=FAINT)
     _only(diagnose(Log.of(RUBBER, log.time_s, {"kh": log.raw["kl"], "kl": log.raw["kh"]})), "swapped-wires")
 
 
@@ -168,7 +169,7 @@ def test_offsets_are_not_crossed_wires(seed: int) -> None:
 
 
 def test_an_offset_between_the_wires_is_no_exchange_and_an_exchange_with_an_offset_is() -> None:
-    log = faulty_log(RUBBER, exercise(RUBBER, np.random.default_rng(5), 240), noise=FAINT)
+    log = faulty_log(RUBBER, exercise(RUBBER, np.random.default_rng(5), _SCANS), noise=FAINT)
     for crossed in (False, True):
         raw = {name: values.copy() for name, values in log.raw.items()}
         if crossed:
@@ -182,7 +183,7 @@ def test_an_offset_between_the_wires_is_no_exchange_and_an_exchange_with_an_offs
 
 @pytest.mark.parametrize("sigma", [0.0, 0.001])
 def test_tied_wires_of_one_strip_and_of_all(sigma: float) -> None:
-    log = faulty_log(RUBBER, exercise(RUBBER, np.random.default_rng(5), 240), noise=FAINT)
+    log = faulty_log(RUBBER, exercise(RUBBER, np.random.default_rng(5), _SCANS), noise=FAINT)
     kh, kl = log.raw["kh"], log.raw["kl"].copy()
     kl[:, 7] = kh[:, 7] + sigma * np.random.default_rng(3).standard_normal(len(kh))
     found = _only(diagnose(Log.of(RUBBER, log.time_s, {"kh": kh, "kl": kl})), "tied-wires", 7)
@@ -198,7 +199,7 @@ def test_channels_that_do_not_move() -> None:
 
 
 def test_a_strip_that_never_reads_a_contact() -> None:
-    log = faulty_log(RUBBER, exercise(RUBBER, np.random.default_rng(5), 240), noise=FAINT)
+    log = faulty_log(RUBBER, exercise(RUBBER, np.random.default_rng(5), _SCANS), noise=FAINT)
     raw = {name: values.copy() for name, values in log.raw.items()}
     for values in raw.values():
         values[:, 5] = np.nan
@@ -221,10 +222,10 @@ def test_wrong_vref(factor: float) -> None:
 
 
 def test_drift_of_one_strip_and_at_rest() -> None:
-    one = _only(_examined(RUBBER, Defect("drift", 6, 0.05)), "drift", 6)
+    one = _only(_examined(RUBBER, Defect("drift", 6, 0.05), scans=240), "drift", 6)
     assert one.numbers["change"] == pytest.approx(0.05, abs=0.01)
     resting = replace(RUBBER, rest_volt=0.3, touch_volt=0.2)
-    report = _examined(resting, Defect("drift", None, -0.03))
+    report = _examined(resting, Defect("drift", None, -0.03), scans=240)
     assert report.healthy  # all together: a note
     (every,) = (note for note in report.notes if note.fault == "common-drift")
     assert every.numbers["change"] == pytest.approx(-0.03, abs=0.003)
@@ -233,7 +234,7 @@ def test_drift_of_one_strip_and_at_rest() -> None:
 @pytest.mark.parametrize("hertz", [50.0, 60.0])
 def test_hum_of_one_strip_and_of_all(hertz: float) -> None:
     for strip, strips in ((6, (6,)), (None, ())):
-        found = _only(_examined(RUBBER, Defect("hum", strip, 0.02, hertz=hertz), scans=600), "hum", *strips)
+        found = _only(_examined(RUBBER, Defect("hum", strip, 0.02, hertz=hertz), scans=300), "hum", *strips)
         assert found.numbers["hertz"] == hertz
         assert found.numbers["amplitude"] == pytest.approx(0.02, rel=0.3)
 
@@ -324,11 +325,11 @@ def test_a_sheet_is_examined_as_far_as_its_channels_go() -> None:
 
 
 def test_a_long_recording_is_examined_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tacstrip.diagnose.doctor._MOST_SCANS", 4000)
+    monkeypatch.setattr("tacstrip.diagnose.doctor._MOST_SCANS", 1000)
     case = faulty(2, scans=300, faults=["stuck"])
     assert isinstance(case, Case)
     log = faulty_log(case.sensor, case.contacts, case.defects, case.noise, case.seed)
-    many = 16
+    many = 4
     long = Log(
         log.sensor, np.arange(300 * many) / 220.0, {n: np.tile(v, (many, 1)) for n, v in log.raw.items()},
         np.tile(log.touched, (many, 1)),
@@ -490,7 +491,7 @@ def _at_rest(log: Log, rest: float) -> Log:
 @pytest.fixture(scope="module", params=[RUBBER, METAL])
 def sound_and_cut(request: pytest.FixtureRequest) -> tuple[Log, Log]:
     """Return the logs of a sound unit and of one whose strip 7 is cut."""
-    contacts = exercise(request.param, np.random.default_rng(5), 240)
+    contacts = exercise(request.param, np.random.default_rng(5), _SCANS)
     cut = Defect("open-strip", 7, 0.6)
     sound, faulty = (faulty_log(request.param, contacts, put, FAINT, 5, 220.0) for put in ((), (cut,)))
     return sound, faulty

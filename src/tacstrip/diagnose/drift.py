@@ -11,11 +11,11 @@ from scipy.ndimage import median_filter
 from scipy.special import fdtrc, ndtri, stdtr  # scipy.stats takes half a second to import
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
-from tacstrip.diagnose.bend_model import BendModel, BendRows, Explanation
+from tacstrip.diagnose.bend_model import BendModel, Explanation
 from tacstrip.diagnose.faults import Finding, Question
 from tacstrip.diagnose.log import Log
 from tacstrip.diagnose.neighbour_prediction import WorkingCopy
-from tacstrip.diagnose.rigid_contact import RigidContact
+from tacstrip.diagnose.rigid_contact import RigidContact, readings_joined
 
 _DRIFT, _WANDER = (
     0.006,
@@ -395,7 +395,10 @@ def _against_neighbours(
         power = found.power_of_groups(_TERMS)
         gain, line = (_gains(found, power, terms, model.sigma) for terms in (_TERMS, 1))
         shown = _shown_at(work.strips)
-        seen |= ((np.diff(model.rows.edges) >= _FEWEST) & _spans(model.rows, tau))[shown]
+        seen |= (
+            (np.diff(model.rows.edges) >= _FEWEST)
+            & _spans(work.strips, model.rows.strip, tau[model.rows.place])
+        )[shown]
         gain[~seen], line[~seen] = 0.0, 0.0
         least = np.minimum(least, _least(power, line, seen, model.sigma, (_GAIN_OF_LINE, _OUTSTANDING_LINE)))
         for by in {int(np.argmax(gain)), int(np.argmax(line))}:
@@ -430,8 +433,12 @@ def _against_outline(work: WorkingCopy, tau: FloatArray) -> tuple[int, Finding |
     """
     said: list[tuple[int, Finding | Question]] = []
     every = np.full(work.strips, np.inf)
+    row, strip = readings_joined(work)
+    seen = (np.bincount(strip, minlength=work.strips) >= _FEWEST) & _spans(work.strips, strip, tau[row])
+    if seen.sum() < max(_FEWEST_STRIPS, _MOST_SEEN * work.strips):
+        return 0, None, every
     for part in range(2):
-        place, verdict, least = _beyond_outline(work, tau, part)
+        place, verdict, least = _beyond_outline(work, tau, seen, part)
         every = np.minimum(every, least)
         if verdict is not None:
             said.append((place, verdict))
@@ -447,7 +454,7 @@ def _against_outline(work: WorkingCopy, tau: FloatArray) -> tuple[int, Finding |
 
 
 def _beyond_outline(
-    work: WorkingCopy, tau: FloatArray, part: int
+    work: WorkingCopy, tau: FloatArray, seen: BoolArray, part: int
 ) -> tuple[int, Finding | Question | None, FloatArray]:
     """Return the same of an outline that was fitted to one half of the places first."""
     half = RigidContact.fit(work, part)
@@ -456,9 +463,6 @@ def _beyond_outline(
         return 0, None, nothing
     model = half.joined()
     if model.sigma > _FITS * work.sigma:
-        return 0, None, nothing
-    seen = (np.bincount(model.strip, minlength=work.strips) >= _FEWEST) & _spans(model, tau)
-    if seen.sum() < max(_FEWEST_STRIPS, _MOST_SEEN * work.strips):
         return 0, None, nothing
     place, verdict, least = _outstanding(model, tau, seen, None)
     if verdict is not None:
@@ -565,11 +569,11 @@ def _others(
     return float(gains.max(initial=0.0))
 
 
-def _spans(rows: BendRows | RigidContact, tau: FloatArray) -> BoolArray:
-    """Return which strips have bends early and late (strips,)."""
-    first, last = np.full(rows.strips, np.inf), np.full(rows.strips, -np.inf)
-    np.minimum.at(first, rows.strip, tau[rows.place])
-    np.maximum.at(last, rows.strip, tau[rows.place])
+def _spans(strips: int, strip: IntArray, tau: FloatArray) -> BoolArray:
+    """Return which of so many strips have rows early and late (strips,), by each row's strip and time from 0 to 1."""
+    first, last = np.full(strips, np.inf), np.full(strips, -np.inf)
+    np.minimum.at(first, strip, tau)
+    np.maximum.at(last, strip, tau)
     return np.asarray(last - first >= _SPAN)
 
 

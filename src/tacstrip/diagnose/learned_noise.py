@@ -461,33 +461,36 @@ def _likelihoods(
     least = _LEAST_SIGMA**2 + own_variance(Noise(), log.sensor, Averaging())
     base = [b + least * np.eye(len(b)) for b in covariances(noise)]
     # Nothing, errors of each reading and errors of the ends are equally likely before the residuals are seen.
-    nothing = sum(_deviance(p, b) for p, b in zip(parts, base, strict=True))
+    nothing = sum(float(_deviance(p, b)) for p, b in zip(parts, base, strict=True))
     found: list[tuple[float, ...]] = [(nothing - 2.0 * math.log(len(_LEVELS)), 0.0, 0.0, 0.0)]
     own = [np.eye(len(b)) for b in base]
     for pitches in (None, *(_LENGTHS if edges else ())):
         length = (pitches or 0.0) * sensor.pitch_mm
         shapes = own if pitches is None else covariances(Noise(edge_mm=1.0, edge_correlation_mm=length))
         unit = math.sqrt(float(np.mean([np.trace(s) / len(s) for s in shapes])))
-        for level in _LEVELS * typical / unit:
-            both = zip(parts, base, shapes, strict=True)
-            deviance = sum(_deviance(p, b + level**2 * s) for p, b, s in both)
-            deviance += (
-                2.0 * math.log(len(_LENGTHS)) * (pitches is not None)
-            )  # own errors are as likely as all lengths
-            found.append((deviance, level, 0.0, 0.0) if pitches is None else (deviance, 0.0, level, length))
+        levels = _LEVELS * typical / unit
+        both = zip(parts, base, shapes, strict=True)
+        deviances = np.sum([_deviance(p, b + levels[:, None, None] ** 2 * s) for p, b, s in both], axis=0)
+        if pitches is None:
+            found += [(deviance, level, 0.0, 0.0) for deviance, level in zip(deviances, levels, strict=True)]
+            continue
+        deviances += 2.0 * math.log(len(_LENGTHS))  # own errors are as likely as all lengths
+        found += [(deviance, 0.0, level, length) for deviance, level in zip(deviances, levels, strict=True)]
     return found
 
 
-def _deviance(part: _Part, covariance: FloatArray) -> float:
-    """Return minus twice the log likelihood of residuals, whatever the step along the slopes (readings of 0..1)."""
+def _deviance(part: _Part, covariance: FloatArray) -> FloatArray:
+    """Return minus twice the log likelihood of residuals (...), whatever the step along the slopes (readings of 0..1).
+
+    `covariance`: (..., R, R).
+    """
     root = np.linalg.cholesky(covariance)
     white = np.linalg.solve(root, np.column_stack([part.residuals, part.slopes]))
-    along, size = np.linalg.qr(white[:, 1:])
-    left = white[:, 0] - along @ (along.T @ white[:, 0])
-    restricted = np.log(np.abs(np.diag(size))).sum()
-    return float(
-        left @ left
-        + 2.0 * np.log(np.diag(root)).sum()
-        + 2.0 * restricted
-        - math.log(2.0 * math.pi) * size.shape[0]
+    along, size = np.linalg.qr(white[..., 1:])
+    left = white[..., :1] - along @ (along.mT @ white[..., :1])
+    diagonal, restricted = (np.abs(np.diagonal(m, axis1=-2, axis2=-1)) for m in (root, size))
+    return np.asarray(
+        np.sum(left[..., 0] ** 2, axis=-1)
+        + 2.0 * (np.log(diagonal).sum(axis=-1) + np.log(restricted).sum(axis=-1))
+        - math.log(2.0 * math.pi) * part.slopes.shape[1]
     )

@@ -6,13 +6,15 @@ with time beyond that is far better known than against its two neighbours, whose
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy import sparse
 from scipy.interpolate import BSpline
-from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
+from scipy.linalg import cho_factor, cho_solve, cholesky, cholesky_banded, solve_triangular
+from scipy.linalg.lapack import dtbtrs
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.diagnose.bend_model import Explanation
@@ -38,13 +40,36 @@ _LOOSE = 30.0  # times `_STEPS`: prior standard deviation of a pose
 _USUAL_HEIGHT = 0.27  # of L, where one signature does not tell
 _MOVED = 1.0, 0.1  # pitches across and L along: standard deviations of a contact that shows its shape
 _STILL, _STAYS = 2.5, 0.4  # deviations, that noise alone makes readings change; of the places
+_ORDER = 4  # of a smooth path's splines: so many numbers tell a pose
 _PLACES_A_KNOT, _SHORT, _PAUSE = 4, 5, 4.0  # of a smooth path; places without one; times the usual step
 _FREE = 0.05  # of L: what a contact leaves free at least
 
-_Equations = tuple[sparse.csr_matrix, FloatArray, FloatArray, FloatArray]
+
+@dataclass(frozen=True, eq=False)
+class _Equations:
+    """Readings linearised about a fit: a row for each strip touched at a place.
+
+    Attributes
+    ----------
+    shape
+        Derivatives by the place's pose and by the outline (rows, channels, 3 + 2 V).
+    own
+        Those by the constant numbers of all channels of the row's strip (rows, channels, numbers).
+    left, weight, most
+        What is left of the readings over Vref, their weights, and the weights of no outlier (rows, channels).
+    sigma
+        Robust standard deviation of what is left, over Vref.
+    """
+
+    shape: FloatArray
+    own: FloatArray
+    left: FloatArray
+    weight: FloatArray
+    most: FloatArray
+    sigma: float
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class RigidContact:
     """The fit of an outline to places of a working copy.
 
@@ -52,20 +77,17 @@ class RigidContact:
     ----------
     place, strip
         The working copy's row and the place across of each strip that was used (rows,).
-    sigma
-        Robust standard deviation of what is left of the readings, over Vref.
     """
 
     work: WorkingCopy
     place: IntArray
     strip: IntArray
-    sigma: float
     _pose_of: IntArray  # (rows,)
     _half: FloatArray  # half the contact's extent (2,) [mm]
     _outline: FloatArray  # (V, 2) [mm], in its own frame
     _poses: FloatArray  # x, y [mm], angle (P, 3)
     _constant: FloatArray  # (strips, channels, numbers)
-    _path: sparse.csr_matrix | None = None  # (3 P, 3 C): poses of the numbers of a smooth path
+    _path: sparse.csr_matrix | None = None  # (P, C): poses of the numbers of a smooth path
 
     @classmethod
     def fit(cls, work: WorkingCopy, part: int = 0) -> RigidContact | None:
@@ -86,7 +108,7 @@ class RigidContact:
         angle = 2.0 * np.pi * np.arange(_VERTICES) / _VERTICES
         outline = half * np.stack([np.cos(angle), np.sin(angle)], axis=1)
         constant = np.zeros((work.strips, len(work.k), _OWN))
-        fit = cls(work, rows[at], strip, np.inf, at, half, outline, poses, constant)
+        fit = cls(work, rows[at], strip, at, half, outline, poses, constant)
         return fit._converged(_ROUNDS)
 
     def joined(self) -> RigidContact:
@@ -94,16 +116,14 @@ class RigidContact:
 
         Most of what three free numbers a place take away is given back to what strips do with time.
         """
-        work, known, rows = self.work, *_usable(self.work)
-        rows = rows[np.linspace(0, len(rows) - 1, min(_MOST_JOINED, len(rows))).astype(int)]
-        at, strip = np.nonzero(known[rows])
+        work, (row, strip) = self.work, readings_joined(self.work)
+        rows, at = np.unique(row, return_inverse=True)
         mine = np.zeros(len(self._poses), dtype=int)
         mine[self._pose_of] = self.place
         nearest = np.abs(work.time_s[rows, None] - work.time_s[mine]).argmin(axis=1)
         smooth = _smooth_path(work.time_s[rows])
         poses = smooth @ sparse.linalg.spsolve((smooth.T @ smooth).tocsc(), smooth.T @ self._poses[nearest])
-        path = sparse.kron(smooth, sparse.identity(3), "csr")
-        start = replace(self, place=rows[at], strip=strip, _pose_of=at, _poses=poses, _path=path)
+        start = replace(self, place=row, strip=strip, _pose_of=at, _poses=poses, _path=smooth)
         return start._converged(_ROUNDS_JOINED)
 
     def _converged(self, rounds: int) -> RigidContact:
@@ -111,19 +131,21 @@ class RigidContact:
         fit = kept = self
         damping, sigmas = 1.0, list[float]()
         for round_ in range(rounds):
-            equations = fit._equations()
             if fit.sigma > _WORSE * kept.sigma:
                 fit, damping = kept, damping * _MORE_DAMPED
-                equations = fit._equations()
             else:
                 damping = max(damping * _LESS_DAMPED, _LEAST_DAMPING) if round_ > 2 else damping
             kept = fit if fit.sigma <= kept.sigma else kept
             sigmas.append(kept.sigma)
             if round_ > rounds // 5 and kept.sigma > _GAINED * sigmas[-(rounds // 5)]:
                 break
-            fit = fit._stepped(equations, damping)
-        kept._equations()
+            fit = fit._stepped(damping)
         return kept
+
+    @property
+    def sigma(self) -> float:
+        """Robust standard deviation of what is left of the readings, over Vref."""
+        return self._equations.sigma
 
     @property
     def strips(self) -> int:
@@ -150,28 +172,27 @@ class RigidContact:
         without
             Places that do not count.
         """
-        jacobian, left, weight, full = self._equations()
+        equations, terms = self._equations, change.shape[1]
+        weight = np.where((self.strip == trusted)[:, None], equations.most, equations.weight)
         counts = np.ones(len(self._poses))
         counts[without] = 0.0
-        weight = np.where(np.repeat(self.strip == trusted, len(self.work.k)), full, weight)
-        weight = weight * np.repeat(counts[self._pose_of], len(self.work.k))
-        terms, many = change.shape[1], jacobian.shape[1] - self._poses.size
-        strip = np.repeat(self.strip, len(self.work.k))
-        column = strip[:, None] * terms + np.arange(terms)
-        added = _sparse(
-            np.repeat(change[self.place], len(self.work.k), axis=0), column, self.work.strips * terms
-        )
-        normal, right, _ = self._without_poses(sparse.hstack([jacobian, added], "csr"), left, weight, 0.0)
+        weight = weight * counts[self._pose_of, None]
+        changed = np.broadcast_to(change[self.place, None], (*weight.shape, terms))
+        own = np.concatenate([equations.own, changed], axis=2)
+        normal, right, _ = self._without_poses(replace(equations, own=own, weight=weight), 0.0)
+        # Those of outline and constant errors, then those of the changes.
+        number = self._outline.size + np.arange(self.strips * own.shape[2]).reshape(self.strips, -1)
+        first = np.concatenate([np.arange(self._outline.size), number[:, :-terms].ravel()])
+        last = number[:, -terms:].ravel()
         prior, now = self._prior()
-        root = cholesky(normal[:many, :many] + prior, lower=True, check_finite=False)
-        beside = np.column_stack([normal[:many, many:], right[:many] - prior @ now])
+        root = cholesky(normal[np.ix_(first, first)] + prior, lower=True, check_finite=False)
+        beside = np.column_stack([normal[np.ix_(first, last)], right[first] - prior @ now])
         reduced = solve_triangular(root, beside, lower=True, check_finite=False)
-        score = right[many:] - reduced[:, :-1].T @ reduced[:, -1]
-        return Explanation(normal[many:, many:], score, reduced[:, :-1])
+        score = right[last] - reduced[:, :-1].T @ reduced[:, -1]
+        return Explanation(normal[np.ix_(last, last)], score, reduced[:, :-1])
 
-    def _stepped(self, equations: _Equations, damping: float) -> RigidContact:
-        jacobian, left, weight, _ = equations
-        normal, right, eliminated = self._without_poses(jacobian, left, weight, damping)
+    def _stepped(self, damping: float) -> RigidContact:
+        normal, right, eliminated = self._without_poses(self._equations, damping)
         prior, now = self._prior()
         normal += prior
         corner = np.arange(self._outline.size)
@@ -189,115 +210,128 @@ class RigidContact:
         """What x, y and the angle are measured in."""
         return np.array([self.work.sensor.pitch_mm, self.work.sensor.length_mm, 1.0])
 
+    @cached_property
     def _equations(self) -> _Equations:
-        """Return the readings' Jacobian (rows * channels, all), what is left of them, weights, and weights at most.
-
-        And set `sigma`.
-        """
-        sensor, rows = self.work.sensor, len(self.strip)
-        length = sensor.length_mm
-        (l, *lower), (u, *upper) = self._ends()
+        sensor, length, channels = self.work.sensor, self.work.sensor.length_mm, len(self.work.k)
+        (l, lower, slope_l), (u, upper, slope_u) = self._ends()
         w = np.clip(u - l, 0.0, (1.0 - _FREE) * length)
-        share, pose = sensing_share(sensor.sensing_ratio), 3 * self._pose_of[:, None] + np.arange(3)
-        values, columns, left, blur = [], [], [], []
+        share, hats = sensing_share(sensor.sensing_ratio), (_hats(l / length), _hats(u / length))
+        shape, left, blur = [], [], []
+        own = np.zeros((len(self.strip), channels, channels * _OWN))
         for channel, (name, read) in enumerate(self.work.k.items()):
             at_upper = SIGNATURES[name].at_upper_end
             numerator, d = fraction(l, w, length, share if at_upper else 0.0, 1.0 - share)
             k = numerator / d
             to_l, to_u = reading_jacobian(k, w, length, at_upper, sensor.sensing_ratio)
-            uneven = length * (to_l[:, None] * _hats(l / length) + to_u[:, None] * _hats(u / length))
-            own = np.column_stack([np.ones(rows), k - 0.5, uneven])
-            left.append(
-                read[self.place, self.strip] - k - np.sum(own * self._constant[self.strip, channel], axis=1)
-            )
-            by_pose = to_l[:, None] * lower[0] + to_u[:, None] * upper[0]
-            values.append(np.hstack([by_pose, to_l[:, None] * lower[1], to_u[:, None] * upper[1], own]))
-            number = (self.strip * len(self.work.k) + channel)[:, None] * _OWN + np.arange(_OWN)
-            first = self._poses.size
-            columns.append(
-                np.hstack([pose, first + lower[2], first + upper[2], first + self._outline.size + number])
-            )
-            blur.append((to_l * lower[3]) ** 2 + (to_u * upper[3]) ** 2)
-        rest = np.stack(left, axis=1).ravel()
-        self.sigma = max(float(robust_sigma(rest)), 0.5 * self.work.sigma)
-        variance = 1.0 + np.stack(blur, axis=1).ravel() * (_BLURRED * sensor.pitch_mm / self.sigma) ** 2
-        weight = 1.0 / (variance + (rest / (_ROBUST * self.sigma)) ** 2)
-        many = self._poses.size + self._outline.size + self._constant.size
-        value, column = (np.stack(v, axis=1).reshape(len(rest), -1) for v in (values, columns))
-        return _sparse(value, column, many), rest, weight, 1.0 / variance
+            uneven = length * (to_l[:, None] * hats[0] + to_u[:, None] * hats[1])
+            mine = np.column_stack([np.ones(len(k)), k - 0.5, uneven])
+            own[:, channel, channel * _OWN : (channel + 1) * _OWN] = mine
+            error = np.sum(mine * self._constant[self.strip, channel], axis=1)
+            left.append(read[self.place, self.strip] - k - error)
+            shape.append(to_l[:, None] * lower + to_u[:, None] * upper)
+            blur.append((to_l * slope_l) ** 2 + (to_u * slope_u) ** 2)
+        rest = np.stack(left, axis=1)
+        sigma = max(float(robust_sigma(rest)), 0.5 * self.work.sigma)
+        variance = 1.0 + np.stack(blur, axis=1) * (_BLURRED * sensor.pitch_mm / sigma) ** 2
+        weight = 1.0 / (variance + (rest / (_ROBUST * sigma)) ** 2)
+        return _Equations(np.stack(shape, axis=1), own, rest, weight, 1.0 / variance, sigma)
 
-    def _ends(self) -> list[tuple[FloatArray, FloatArray, FloatArray, IntArray, FloatArray]]:
-        """Return the lower and the upper end: y [mm], derivatives by pose, by corners, these' columns, the slope."""
-        length, outline, poses = self.work.sensor.length_mm, self._outline, self._poses[self._pose_of]
-        c, s = np.cos(poses[:, 2:]), np.sin(poses[:, 2:])
-        x0, y0 = c * outline[:, 0] - s * outline[:, 1], s * outline[:, 0] + c * outline[:, 1]  # (rows, V)
-        x1, y1 = np.roll(x0, -1, axis=1), np.roll(y0, -1, axis=1)
+    def _ends(self) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
+        """Return the lower and the upper end: y [mm], derivatives by pose and outline (rows, 3 + 2 V), the slope."""
+        length, outline, many = self.work.sensor.length_mm, self._outline, _VERTICES
+        c, s = np.cos(self._poses[:, 2:]), np.sin(self._poses[:, 2:])
+        x0, y0 = c * outline[:, 0] - s * outline[:, 1], s * outline[:, 0] + c * outline[:, 1]  # (P, V)
+        dx, dy = (np.roll(v, -1, axis=1) - v for v in (x0, y0))
+        x0, y0, dx, dy, poses = (v[self._pose_of] for v in (x0, y0, dx, dy, self._poses))  # (rows, ...)
+        c, s = c[self._pose_of, 0], s[self._pose_of, 0]
         across = (self.strip + 0.5) * self.work.sensor.pitch_mm - poses[:, 0]
         tiny = 1e-6 * self.work.sensor.pitch_mm
         x = np.clip(across, x0.min(axis=1) + tiny, x0.max(axis=1) - tiny)
         with np.errstate(divide="ignore", invalid="ignore"):
-            t = (x[:, None] - x0) / (x1 - x0)
-            y, slopes = y0 + t * (y1 - y0), (y1 - y0) / (x1 - x0)
+            t = (x[:, None] - x0) / dx
+            y = y0 + t * dy
         crossed = (t >= 0.0) & (t <= 1.0)
         row, steepest, ends = np.arange(len(x)), _STEEPEST * length / self.work.sensor.pitch_mm, []
         for edge in (
             np.argmin(np.where(crossed, y, np.inf), axis=1),
             np.argmax(np.where(crossed, y, -np.inf), axis=1),
         ):
-            share, here, slope = t[row, edge], y[row, edge], slopes[row, edge]
+            share, here, slope = t[row, edge, None], y[row, edge], dy[row, edge] / dx[row, edge]
             # A strip beside the outline reads its outermost corner.
             bounded = np.where(x == across, np.clip(slope, -steepest, steepest), 0.0)
             place = here + poses[:, 1]
             free = ((place > 0.0) & (place < length)).astype(float)
-            by_pose = np.stack([-bounded, np.ones_like(x), x + bounded * here], axis=1)
-            by_x, by_y = s[:, 0] - bounded * c[:, 0], c[:, 0] + bounded * s[:, 0]
-            by_corner = np.stack(
-                [(1.0 - share) * by_x, (1.0 - share) * by_y, share * by_x, share * by_y], axis=1
+            derivatives = np.zeros((len(x), 3 + 2 * many))
+            derivatives[:, :3] = np.stack([-bounded, np.ones_like(x), x + bounded * here], axis=1)
+            by_corners, by_corner = (
+                derivatives[:, 3:].reshape(-1, many, 2),
+                np.stack([s - bounded * c, c + bounded * s], axis=1),
             )
-            corner = 2 * np.stack([edge, edge, (edge + 1) % _VERTICES, (edge + 1) % _VERTICES], axis=1) + [
-                0,
-                1,
-                0,
-                1,
-            ]
-            ends.append(
-                (
-                    np.clip(place, 0.0, length),
-                    by_pose * free[:, None],
-                    by_corner * free[:, None],
-                    corner,
-                    slope * free,
-                )
+            by_corners[row, edge], by_corners[row, (edge + 1) % many] = (
+                (1.0 - share) * by_corner,
+                share * by_corner,
             )
+            ends.append((np.clip(place, 0.0, length), derivatives * free[:, None], slope * free))
         return ends
 
     def _without_poses(
-        self, jacobian: sparse.csr_matrix, left: FloatArray, weight: FloatArray, damping: float
+        self, equations: _Equations, damping: float
     ) -> tuple[FloatArray, FloatArray, Callable[[FloatArray], FloatArray]]:
-        """Return normal equations of all but the poses, and what gives these of a solution (P, 3)."""
-        many = self._poses.size
+        """Return normal equations of all but the poses, outline first, and what gives these of a solution (P, 3)."""
+        weight, by_pose, by_outline = equations.weight[:, :, None], *np.split(equations.shape, [3], axis=2)
+        common = np.concatenate([by_outline, equations.left[:, :, None]], axis=2)
+        corners, each = by_outline.shape[2], equations.own.shape[2]
+        many = corners + self.strips * each
+        shared = np.r_[:corners, many]  # of all strips; the right-hand side is the last column
+        order = np.argsort(self.strip, kind="stable")
+        edges = np.searchsorted(self.strip[order], np.arange(self.strips + 1))
+        root = np.sqrt(weight[order])
+        of_all, own = (root * part[order] for part in (common, equations.own))
+        normal = np.zeros((many + 1, many + 1))
+        normal[np.ix_(shared, shared)] = np.tensordot(of_all, of_all, ((0, 1), (0, 1)))
+        for strip in range(self.strips):
+            at, rows = corners + strip * each + np.arange(each), slice(edges[strip], edges[strip + 1])
+            mine = own[rows].reshape(-1, each)
+            normal[at[:, None], at] = mine.T @ mine
+            product = of_all[rows].reshape(-1, len(shared)).T @ mine
+            normal[shared[:, None], at], normal[at[:, None], shared] = product, product.T
+
+        weighted = (weight * by_pose).transpose(0, 2, 1)
+        first = np.flatnonzero(np.diff(self._pose_of, prepend=-1))
+        places = len(first)
+        total = sparse.csr_matrix((np.ones(len(order)), np.arange(len(order)), np.r_[first, len(order)]))
+        blocks, by_shared = (
+            (total @ (weighted @ part).reshape(len(order), -1)).reshape(places, 3, -1)
+            for part in (by_pose, common)
+        )
+        by_own = np.zeros((places, 3, self.strips, each))
+        by_own[self._pose_of, :, self.strip] = weighted @ equations.own
+        cross = np.concatenate(
+            [by_shared[:, :, :-1], by_own.reshape(places, 3, -1), by_shared[:, :, -1:]], axis=2
+        )
         loose = (self.sigma / (np.array(_STEPS[:3]) * self._units)) ** 2 * (damping + _LOOSE**-2)
-        if self._path is not None:
-            jacobian = sparse.hstack([jacobian[:, :many] @ self._path, jacobian[:, many:]], "csr")
-            many = self._path.shape[1]
-        weighted = jacobian.T.multiply(weight).tocsr()
-        normal, right = weighted @ jacobian, weighted @ left
-        pose = np.arange(many).reshape(-1, 3)
-        cross = np.column_stack([normal[:many, many:].toarray(), right[:many]])
         if self._path is None:
-            sides = [[np.asarray(normal[pose[:, a], pose[:, b]])[0] for b in range(3)] for a in range(3)]
-            blocks = np.moveaxis(np.array(sides), 2, 0) + np.diag(loose)
-            solved = (np.linalg.inv(blocks) @ cross.reshape(len(pose), 3, -1)).reshape(many, -1)
+            inverse = np.linalg.inv(np.linalg.cholesky(blocks + np.diag(loose)))
+            reduced = (inverse @ cross).reshape(-1, many + 1)
         else:
-            block = normal[:many, :many].toarray() + np.diag(np.tile(loose, len(pose)))
-            solved = cho_solve(cho_factor(block, check_finite=False), cross, check_finite=False)
-        beyond = np.column_stack([normal[many:, many:].toarray(), right[many:]]) - cross[:, :-1].T @ solved
+            path = self._path.toarray()
+            bands = [
+                np.tensordot(path[:, : path.shape[1] - d] * path[:, d:], blocks, (0, 0))
+                for d in range(_ORDER)
+            ]
+            bands[0] = bands[0] + np.diag(loose)
+            root = cholesky_banded(_banded(bands), lower=True, check_finite=False)
+            cross = (self._path.T @ cross.reshape(places, -1)).reshape(-1, many + 1)
+            reduced = dtbtrs(root, cross, uplo="L")[0]
+        normal -= reduced.T @ reduced
 
         def poses(step: FloatArray) -> FloatArray:
-            numbers = solved[:, -1] - solved[:, :-1] @ step
-            return np.asarray(numbers if self._path is None else self._path @ numbers).reshape(-1, 3)
+            right = reduced[:, -1:] - reduced[:, :-1] @ step[:, None]
+            if self._path is None:
+                return np.asarray(inverse.transpose(0, 2, 1) @ right.reshape(-1, 3, 1))[:, :, 0]
+            return np.asarray(self._path @ dtbtrs(root, right, uplo="L", trans="T")[0].reshape(-1, 3))
 
-        return beyond[:, :-1], beyond[:, -1], poses
+        return normal[:-1, :-1], normal[:-1, -1], poses
 
     def _prior(self) -> tuple[FloatArray, FloatArray]:
         """Return the precision of outline and constant errors, for readings of weight 1, and what these are."""
@@ -318,6 +352,14 @@ def _usable(work: WorkingCopy) -> tuple[BoolArray, IntArray]:
     return known, np.flatnonzero(known.sum(axis=1) >= 4 - len(work.k))
 
 
+def readings_joined(work: WorkingCopy) -> tuple[IntArray, IntArray]:
+    """Return the row in the working copy and the strip of each reading of `RigidContact.joined` (rows,)."""
+    known, rows = _usable(work)
+    rows = rows[np.linspace(0, len(rows) - 1, min(_MOST_JOINED, len(rows))).astype(int)]
+    at, strip = np.nonzero(known[rows])
+    return rows[at], strip
+
+
 def _smooth_path(time_s: FloatArray) -> sparse.csr_matrix:
     """Return cubic splines over time (places,) [s], of each stay of the contact (places, numbers)."""
     step = np.diff(time_s)
@@ -330,7 +372,7 @@ def _smooth_path(time_s: FloatArray) -> sparse.csr_matrix:
         along = stay if (np.diff(stay) > 0.0).all() else number
         # Places lie between any two knots.
         knots = np.interp(np.linspace(0.0, number[-1], len(stay) // _PLACES_A_KNOT + 1), number, along)
-        parts.append(BSpline.design_matrix(along, np.pad(knots, 3, "edge"), 3))
+        parts.append(BSpline.design_matrix(along, np.pad(knots, _ORDER - 1, "edge"), _ORDER - 1))
     return sparse.block_diag(parts, "csr")
 
 
@@ -373,7 +415,11 @@ def _hats(y: FloatArray) -> FloatArray:
     return np.maximum(1.0 - np.abs(y[:, None] * (_KNOTS + 1) - np.arange(1, _KNOTS + 1)), 0.0)
 
 
-def _sparse(values: FloatArray, columns: IntArray, many: int) -> sparse.csr_matrix:
-    """Return a matrix (rows, many) of some values in each row (rows, values), at columns that may be equal."""
-    rows = np.repeat(np.arange(len(values)), values.shape[1])
-    return sparse.coo_matrix((values.ravel(), (rows, columns.ravel())), (len(values), many)).tocsr()
+def _banded(blocks: Sequence[FloatArray]) -> FloatArray:
+    """Return the lower bands of a symmetric matrix by those of its blocks (n - d, 3, 3), each d below the diagonal."""
+    out = np.zeros((3 * len(blocks), 3 * len(blocks[0])))
+    for d, block in enumerate(blocks):
+        for row, column in np.ndindex(3, 3):
+            if (below := 3 * d + row - column) >= 0:
+                out[below, column : 3 * len(block) : 3] = block[:, column, row]
+    return out
