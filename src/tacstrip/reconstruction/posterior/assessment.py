@@ -158,7 +158,7 @@ def assess(
         return Assessment()
     ends = drawn.ends_of(outline.lower, outline.upper)
     own, one = drawn.overlap(ends) >= PROMISED_IOU, len(run.problem.k) == 1
-    confidence = float(own @ drawn.weight)
+    confidence = drawn.share(own)
     better: OutlineModel | None = None
     misfit = math.inf  # of a better one
     every = pairwise_column_iou(drawn.ends)
@@ -183,8 +183,8 @@ def assess(
             at = int(np.argmax(among))
             near = every[at] >= PROMISED_IOU
             surer = 0.0 if told else _BETTER
-            if short or misses or near @ drawn.weight > confidence + surer:
-                own, confidence, better = near, float(near @ drawn.weight), drawn.model(at, run.problem)
+            if short or misses or drawn.share(near) > confidence + surer:
+                own, confidence, better = near, drawn.share(near), drawn.model(at, run.problem)
                 outline = Outline(*better.chains_mm(run.problem))
                 ends = drawn.ends_of(outline.lower, outline.upper)
     if one:

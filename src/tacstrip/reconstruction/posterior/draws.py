@@ -86,6 +86,10 @@ class Draws:
         """Squared residuals over sigma^2 that the best polygon leaves, a reading: about 1 where noise explains them."""
         return float(self.samples.squares.min()) / self.problem.readings
 
+    def share(self, which: BoolArray) -> float:
+        """Return the weight of some outlines (K,); rounding takes that of all beyond 1."""
+        return min(float(which @ self.weight), 1.0)
+
     def ends_of(self, lower: FloatArray, upper: FloatArray) -> FloatArray:
         """Return l and u (2, G) in the columns, of chains [mm]."""
         return column_ends(self.problem, self.x, lower, upper)
