@@ -24,7 +24,8 @@ _POINTS, _OF_ARCS = 60, 36  # that draw an oval, and all arcs together
 _ANGLES = 6  # of half a turn, at which a scan's pose is looked for
 _MOST_ROUNDED, _ROUND = 6, 0.1  # corners that are rounded; their radius at first, of the size
 _STEPS, _DAMPING, _EASED, _HOPELESS = 25, 1e-3, 6.0, 1e6
-_TOLERANCE, _CAUCHY = 0.02, 3.0  # of the larger half-axis, while it is only roughly known
+# Of the larger half-axis, while it is only roughly known; what it then costs at most, of its readings.
+_TOLERANCE, _CAUCHY, _ROUGHLY = 0.02, 3.0, 2.0
 _PRICE = 4.0  # of the criterion: what an outline that is no polygon has to gain
 _ENOUGH = 1e-4  # of the cost: a smaller gain ends a descent
 _LOOKED_AT, _HOPE = 6, 4.0  # steps after which a descent goes on only below so many times its readings
@@ -152,7 +153,11 @@ def _rounded(scans: RigidScans, start: Fit, chosen: IntArray) -> RigidCurve | No
                 centres_of_arcs = ring if area(ring) > 0.0 else ring[::-1]
                 numbers = np.concatenate([[radius], centres_of_arcs.ravel()])
                 one = _descended(scans, RigidCurve(ROUNDED, numbers, start.poses, start.costs), chosen)
-                if one.numbers[0] > 0.0 and (best is None or one.criterion(scans) < best.criterion(scans)):
+                if (
+                    one
+                    and one.numbers[0] > 0.0
+                    and (best is None or one.criterion(scans) < best.criterion(scans))
+                ):
                     best = one
                 elif best is not None:
                     return best
@@ -171,16 +176,25 @@ def _ovals(scans: RigidScans, start: Fit, chosen: IntArray) -> list[RigidCurve]:
     turned = np.stack([cos * middle[0] - sin * middle[1], sin * middle[0] + cos * middle[1]], axis=1)
     poses = np.column_stack([start.poses[:, :2] + turned, start.poses[:, 2] + angle])
     ellipse = _descended(scans, RigidCurve(ELLIPSE, half, poses, start.costs), chosen)
+    if ellipse is None:  # nor is it a disc
+        return []
     radius = np.array([math.sqrt(half.prod())])
-    return [ellipse, _descended(scans, RigidCurve(DISC, radius, ellipse.poses, start.costs), chosen)]
+    disc = _descended(scans, RigidCurve(DISC, radius, ellipse.poses, start.costs), chosen)
+    return [ellipse] if disc is None else [ellipse, disc]
 
 
-def _descended(scans: RigidScans, one: RigidCurve, chosen: IntArray) -> RigidCurve:
-    """Return where a descent of an outline and its poses ends, poses of an oval looked for at all angles."""
+def _descended(scans: RigidScans, one: RigidCurve, chosen: IntArray) -> RigidCurve | None:
+    """Return where a descent of an outline and its poses ends, poses of an oval looked for at all angles.
+
+    None of an oval that is far from the readings while only roughly known.
+    """
     few, poses = scans.of(chosen), one.poses
     if one.kind != ROUNDED:
         soft = loss(scans, _TOLERANCE * float(one.numbers.max()), _CAUCHY)
-        one = replace(one, numbers=_descent(few, replace(one, poses=poses[chosen]), soft).numbers)
+        rough = _descent(few, replace(one, poses=poses[chosen]), soft)
+        if rough.costs.sum() > _ROUGHLY * few.readings.sum():
+            return None
+        one = replace(one, numbers=rough.numbers)
         poses = _looked_for(scans, _drawn(one.kind, one.numbers)[0], poses, soft)
     numbers = _descent(few, replace(one, poses=poses[chosen]), loss(scans)).numbers
     corners = _drawn(one.kind, numbers)[0]
