@@ -11,7 +11,8 @@ from tacstrip.arrays import FloatArray
 from tacstrip.core.rigid import RigidScans
 from tacstrip.tracking.episodes import Episode, only
 from tacstrip.tracking.objects import GUESS, Object, Readings
-from tacstrip.tracking.rigid.search import LEAST_STRIPS, recognised
+from tacstrip.tracking.rigid.recognition import recognised
+from tacstrip.tracking.rigid.search import LEAST_STRIPS
 from tacstrip.tracking.shared_strips.follow import follow
 from tacstrip.tracking.shared_strips.lone_ends import lone_ends
 from tacstrip.tracking.stretches import FEWEST

@@ -14,8 +14,8 @@ from tacstrip.core.rigid import RigidScans, equations, fit_poses, loss, reduced
 from tacstrip.geometry.moments import area, moments, principal_angle
 from tacstrip.tracking.rigid.corners import FEWEST, PLACES, Fit, edges_removed, reflex
 from tacstrip.tracking.rigid.covariance import information, of_numbers
+from tacstrip.tracking.rigid.found import within_noise
 from tacstrip.tracking.rigid.offsets import Offsets, not_ruled_out, with_offsets
-from tacstrip.tracking.rigid.search import within_noise
 from tacstrip.tracking.rigid.smooth_path import centres
 from tacstrip.tracking.rigid.turns import cost_at_all_angles
 

@@ -49,10 +49,11 @@ def _by_angle(scans: RigidScans, fit: Fit) -> FloatArray:
     many, own = scans.of(every), fit.corners - middle
     poses = np.array([[*placed(middle[None], pose)[0], pose[2]] for pose in fit.poses])[every]
     poses[:, 2] += np.tile(np.arange(_ANGLES), len(fit.poses)) * (2.0 * math.pi / _ANGLES)
-    least = np.full(len(every), np.inf)
+    least, farthest = np.full(len(every), np.inf), scans.sensor.pitch_mm
     for _ in range(_STEPS + 1):
         found = equations(many, own, poses, loss(scans))
         least = np.minimum(least, found.costs)
         held = found.pose[:, :2, :2] + 1e-9 * np.eye(2)
-        poses[:, :2] += np.linalg.solve(held, found.pose_slope[:, :2, None])[..., 0]
+        step = np.linalg.solve(held, found.pose_slope[:, :2, None])[..., 0]
+        poses[:, :2] += np.clip(step, -farthest, farthest)  # where readings hold a scan's x hardly at all
     return least.reshape(len(fit.poses), _ANGLES)
