@@ -85,7 +85,8 @@ def test_two_that_only_touch_neighbouring_strips_are_followed_there() -> None:
     scans = pressed(sensor, [1.2 * QUAD, 1.2 * TRIANGLE], poses, there)
     both = np.flatnonzero([len(scan.runs()) == 1 for scan in scans])
     tracks = ts.track(scans, sensor, NOISE)
-    assert len(both) > 1 and len(tracks) == 2
+    assert len(both) > 1
+    assert len(tracks) == 2
     for one, shape, own in zip(tracks, (1.2 * QUAD, 1.2 * TRIANGLE), poses.transpose(1, 0, 2), strict=True):
         assert "share" not in one.advice
         assert off(one, shape, own, both).max() < 2.0

@@ -120,11 +120,12 @@ def test_the_angles_of_a_polygon_are_numbers_that_a_disc_does_not_have(seed: int
 def test_a_disc_that_is_lifted_and_pressed_again_stays_one() -> None:
     sensor, angle = ten_strips(), np.linspace(0.0, 2.0 * np.pi, 160, endpoint=False)
     outline = 21.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    scans = pressed(sensor, outline, sliding(40), NOISE, 3)
+    first = np.array([(35.0 + 0.6 * i, 50.0 + 0.2 * i, 0.0) for i in range(25)])
+    scans = pressed(sensor, outline, np.concatenate([first, first]), NOISE, 1)
     nothing = np.full(10, np.nan)
-    scans[20] = ts.Scan(kh=nothing, kl=nothing, time_s=scans[20].time_s)
+    scans[25] = ts.Scan(kh=nothing, kl=nothing, time_s=scans[25].time_s)
     (one,) = ts.track(scans, sensor, NOISE)
-    assert (one.kind, int(one.present.sum())) == ("disc", 39)
+    assert (one.kind, int(one.present.sum())) == ("disc", 49)
 
 
 def test_regions_of_corners_and_poses_hold_the_truth() -> None:
