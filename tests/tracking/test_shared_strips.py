@@ -17,7 +17,8 @@ from tacstrip.cli import cli
 from tacstrip.core.hull import available
 from tacstrip.core.rigid import RigidScans
 from tacstrip.tracking.rigid.corners import Fit
-from tacstrip.tracking.rigid.search import Found, Starts
+from tacstrip.tracking.rigid.found import Found
+from tacstrip.tracking.rigid.starts import Starts
 from tacstrip.tracking.shared_strips import lone_ends
 
 pytestmark = pytest.mark.skipif(not available(), reason="compiled only")
@@ -73,6 +74,22 @@ def test_two_that_pass_each_other_keep_their_poses_and_numbers() -> None:
         assert np.median(off(track, shape, poses[:, k], both)) < 0.5
         sigma = np.sqrt(np.diagonal(track.pose_covariances[both], axis1=1, axis2=2))
         assert 0.0 < np.median(sigma[:, 0]) < 0.3
+
+
+def test_two_that_only_touch_neighbouring_strips_are_followed_there() -> None:
+    """They share no strip, but a run of touched ones."""
+    sensor = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=5.0, length_mm=100.0)
+    poses, t, there = np.empty((30, 2, 3)), np.linspace(0.0, 1.0, 30), np.ones((30, 2), dtype=bool)
+    poses[:, 0] = np.stack([25.0 + 9.0 * t, 45.0 + 4.0 * t, 0.3 * t], axis=1)
+    poses[:, 1] = np.stack([68.0 - 9.0 * t, 50.0 - 5.0 * t, 0.7 * t], axis=1)
+    scans = pressed(sensor, [1.2 * QUAD, 1.2 * TRIANGLE], poses, there)
+    both = np.flatnonzero([len(scan.runs()) == 1 for scan in scans])
+    tracks = ts.track(scans, sensor, NOISE)
+    assert len(both) > 1
+    assert len(tracks) == 2
+    for one, shape, own in zip(tracks, (1.2 * QUAD, 1.2 * TRIANGLE), poses.transpose(1, 0, 2), strict=True):
+        assert "share" not in one.advice
+        assert off(one, shape, own, both).max() < 2.0
 
 
 def test_two_that_look_alike_are_told_by_their_ways() -> None:

@@ -17,7 +17,8 @@ from tacstrip.tracking.episodes import Episode
 from tacstrip.tracking.objects import Readings, Skin
 from tacstrip.tracking.rigid.corners import Fit
 from tacstrip.tracking.rigid.fixed_lag import FixedLag
-from tacstrip.tracking.rigid.search import content, recognised
+from tacstrip.tracking.rigid.found import content
+from tacstrip.tracking.rigid.recognition import recognised
 from tacstrip.tracking.stretches import searched
 from tacstrip.tracking.summary import summarised
 

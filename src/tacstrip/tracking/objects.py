@@ -14,7 +14,8 @@ from tacstrip.reconstruction.seam import opened
 from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.rigid.corners import Fit, posed
 from tacstrip.tracking.rigid.curved import RigidCurve
-from tacstrip.tracking.rigid.search import LEAST_STRIPS, Found, content
+from tacstrip.tracking.rigid.found import Found, content
+from tacstrip.tracking.rigid.search import LEAST_STRIPS
 from tacstrip.tracking.shared_strips.known import Alone, Shared
 from tacstrip.tracking.strays import set_aside, strays_over_time
 

@@ -13,17 +13,10 @@ from tacstrip.tracking.episodes import Episode
 from tacstrip.tracking.objects import GUESS, Object, Readings
 from tacstrip.tracking.rigid.corners import posed
 from tacstrip.tracking.rigid.curved import rigid_curve
+from tacstrip.tracking.rigid.found import Found, content, with_all_poses
 from tacstrip.tracking.rigid.offsets import taken_off
-from tacstrip.tracking.rigid.search import (
-    Found,
-    compared_again,
-    content,
-    counted_among_followers,
-    recognised,
-    recognised_on_path,
-    search,
-    with_all_poses,
-)
+from tacstrip.tracking.rigid.recognition import recognised, recognised_on_path
+from tacstrip.tracking.rigid.search import compared_again, counted_among_followers, search
 from tacstrip.tracking.strays import set_aside, strays_from_fit
 
 FEWEST = 5  # scans of one stretch that a shape is searched in
@@ -113,7 +106,7 @@ def with_stretches(one: Object, start: Episode, left: list[Episode], read: Readi
         if again is not None:
             joined = again
             left.remove(other)
-    return one if joined is one else _counted_again(joined, one.found, read)
+    return one if joined is one else _counted_again(joined, one, read)
 
 
 def explained_too(new: Object, objects: list[Object], read: Readings) -> list[Object]:
@@ -123,7 +116,7 @@ def explained_too(new: Object, objects: list[Object], read: Readings) -> list[Ob
         apart = not (set(other.shown) & set(joined.shown) or other.joint or joined.joint)
         again = _recognise(joined, Episode(other.shown, other.runs), read) if apart else None
         joined, kept = (joined, [*kept, other]) if again is None else (again, kept)
-    return [*kept, new if joined is new else _counted_again(joined, new.found, read)]
+    return [*kept, new if joined is new else _counted_again(joined, new, read)]
 
 
 def _recognise(one: Object, other: Episode, read: Readings) -> Object | None:
@@ -145,24 +138,26 @@ def _recognise(one: Object, other: Episode, read: Readings) -> Object | None:
         runs=one.runs + other.runs,
         scans=every,
         found=replace(one.found, fit=fit),
+        curve=None,
     )
 
 
-def _counted_again(one: Object, before: Found, read: Readings) -> Object:
+def _counted_again(one: Object, before: Object, read: Readings) -> Object:
     """Return an object of several stretches with its corners counted over all of them, and what rivals remain.
 
-    `before`: what was found of the first.
+    `before`: the first alone. Where that is curved, so may all of them be.
     """
     order = np.argsort(one.shown)
     scans, fit = one.scans.of(order), one.found.fit
     fit = fit.of(order)
     few = np.unique(np.linspace(0, len(order) - 1, min(len(order), MOST)).astype(int))
     some = scans.of(few)
-    found = compared_again(some, before, fit.of(few), read.distribution)
+    found = compared_again(some, before.found, fit.of(few), read.distribution)
     if fit.basis is None:
         found = counted_among_followers(some, found, read.distribution)
-    found = replace(found, chosen=few, offsets=before.offsets)
+    found = replace(found, chosen=few, offsets=before.found.offsets)
     if len(few) < len(order):
         found = replace(found, fit=posed(scans, replace(fit, corners=found.fit.corners)))
     shown, runs = [one.shown[i] for i in order], [one.runs[i] for i in order]
-    return replace(one, shown=shown, runs=runs, scans=scans, found=found)
+    curve = rigid_curve(scans, found.fit, few, read.distribution) if before.curve else None
+    return replace(one, shown=shown, runs=runs, scans=scans, found=found, curve=curve)

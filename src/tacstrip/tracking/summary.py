@@ -21,10 +21,11 @@ from tacstrip.tracking.result import Track
 from tacstrip.tracking.rigid.corners import FIRST, Fit, explained, posed, reflex
 from tacstrip.tracking.rigid.covariance import covariances, following, information
 from tacstrip.tracking.rigid.curved import DISC, ROUNDED, RigidCurve
+from tacstrip.tracking.rigid.found import content
 from tacstrip.tracking.rigid.offsets import not_ruled_out, with_offsets
 from tacstrip.tracking.rigid.posterior import scatter
 from tacstrip.tracking.rigid.rivals import beside_rivals, poses_beside_rivals, with_a_corner_cut
-from tacstrip.tracking.rigid.search import FEW_STRIPS, LEAST_STRIPS, content, freer_spline
+from tacstrip.tracking.rigid.search import FEW_STRIPS, LEAST_STRIPS, freer_spline
 from tacstrip.tracking.rigid.strain import strain_gain
 from tacstrip.tracking.single_scans import SingleScans
 

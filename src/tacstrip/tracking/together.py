@@ -11,7 +11,8 @@ from tacstrip.arrays import FloatArray
 from tacstrip.core.rigid import RigidScans
 from tacstrip.tracking.episodes import Episode, only
 from tacstrip.tracking.objects import GUESS, Object, Readings
-from tacstrip.tracking.rigid.search import LEAST_STRIPS, recognised
+from tacstrip.tracking.rigid.recognition import recognised
+from tacstrip.tracking.rigid.search import LEAST_STRIPS
 from tacstrip.tracking.shared_strips.follow import follow
 from tacstrip.tracking.shared_strips.lone_ends import lone_ends
 from tacstrip.tracking.stretches import FEWEST
@@ -43,8 +44,9 @@ def together(
             sigma = max(one.scans.sigma for one in known)
             alone = [o.alone for o in known]
             found = follow(alone, readings, touched, laid_out, read.names, sigma, read.distribution)
+            shown = [s for f in found or () if f is not None for s in f.scans]
             # Objects that take turns without a scan in common are one that deforms.
-            if found is not None and any(f is not None and f.joint for f in found):
+            if found is not None and len(set(shown)) < len(shown):
                 objects = [o if f is None else o.with_shared(f) for o, f in zip(known, found, strict=True)]
                 unlike = [e for e in unlike if not any(e is g for g in group)]
                 break

@@ -14,18 +14,19 @@ from tacstrip.core.rigid import RigidScans, equations, fit_poses, loss, reduced
 from tacstrip.geometry.moments import area, moments, principal_angle
 from tacstrip.tracking.rigid.corners import FEWEST, PLACES, Fit, edges_removed, reflex
 from tacstrip.tracking.rigid.covariance import information, of_numbers
+from tacstrip.tracking.rigid.found import within_noise
 from tacstrip.tracking.rigid.offsets import Offsets, not_ruled_out, with_offsets
-from tacstrip.tracking.rigid.search import within_noise
 from tacstrip.tracking.rigid.smooth_path import centres
+from tacstrip.tracking.rigid.turns import cost_at_all_angles
 
 DISC, ELLIPSE, ROUNDED = "disc", "ellipse", "rounded"
 _POINTS, _OF_ARCS = 60, 36  # that draw an oval, and all arcs together
 _ANGLES = 6  # of half a turn, at which a scan's pose is looked for
 _MOST_ROUNDED, _ROUND = 6, 0.1  # corners that are rounded; their radius at first, of the size
 _STEPS, _DAMPING, _EASED, _HOPELESS = 25, 1e-3, 6.0, 1e6
-_TOLERANCE, _CAUCHY = 0.02, 3.0  # of the larger half-axis, while it is only roughly known
+# Of the larger half-axis, while it is only roughly known; what it then costs at most, of its readings.
+_TOLERANCE, _CAUCHY, _ROUGHLY = 0.02, 3.0, 2.0
 _PRICE = 4.0  # of the criterion: what an outline that is no polygon has to gain
-_TELLING = 3.0  # standard deviations by which numbers lower chi square more than noise lets them
 _ENOUGH = 1e-4  # of the cost: a smaller gain ends a descent
 _LOOKED_AT, _HOPE = 6, 4.0  # steps after which a descent goes on only below so many times its readings
 
@@ -64,10 +65,19 @@ class RigidCurve:
         """Numbers of its shape; moved and turned, arcs are the same."""
         return len(self.numbers) - (3 if self.kind == ROUNDED else 0)
 
-    def criterion(self, scans: RigidScans) -> float:
-        """Return what it is compared by with polygons: `Fit.criterion`."""
+    def price(self, scans: RigidScans) -> float:
+        """Return what its numbers cost, as corners do in `Fit.criterion`."""
         places = PLACES * (len(self.numbers) // 2) if self.kind == ROUNDED else 0.0
-        return float(self.costs.sum()) + (3.0 + self.shape_numbers) * math.log(scans.readings.sum()) + places
+        return (3.0 + self.shape_numbers) * math.log(scans.readings.sum()) + places
+
+    def criterion(self, scans: RigidScans) -> float:
+        """Return what those of one kind are compared by: `Fit.criterion`."""
+        return float(self.costs.sum()) + self.price(scans)
+
+    def evidence(self, scans: RigidScans, chosen: IntArray) -> float:
+        """Return what it is compared by with others, of some of the scans that it is a fit of, whatever its angles."""
+        fit = self.fit.of(chosen)
+        return self.price(scans) + (fit.cost if self.kind == DISC else cost_at_all_angles(scans, fit))
 
     def freedom(self, scans: RigidScans) -> int:
         """Return the readings beyond the numbers fitted."""
@@ -110,28 +120,24 @@ def rigid_curve(scans: RigidScans, start: Fit, chosen: IntArray, distribution: s
     distribution
         Of the readings' errors.
     """
-    explained = within_noise(start.costs, start.freedom(scans), distribution)
-    tries = [_rounded(scans, start, chosen, explained)]
+    explained, few = within_noise(start.costs, start.freedom(scans), distribution), scans.of(chosen)
+    tries = [_rounded(scans, start, chosen)]
     if len(start.corners) >= _MOST_ROUNDED or not explained:
-        tries.append(_oval(scans, start, chosen))
-
-    def believed(one: RigidCurve) -> bool:
-        worse = float(one.costs.sum()) - start.cost
-        simpler = one.criterion(scans) < start.criterion(scans) - _PRICE
-        more = start.corners.size - 3 - one.shape_numbers + len(one.poses) - one.angles
-        simpler &= not _lower(worse, max(more, 1))
-        return within_noise(one.costs, one.freedom(scans), distribution) and (simpler or not explained)
-
-    good = [one for one in tries if one is not None and believed(one)]
-    return min(good, key=lambda one: one.criterion(scans), default=None)
-
-
-def _lower(gain: float, numbers: int) -> bool:
-    """Whether so many numbers more lower chi square by more than noise lets them."""
-    return gain > numbers + _TELLING * math.sqrt(2.0 * numbers)
+        tries += _ovals(scans, start, chosen)
+    good = [one for one in tries if one and within_noise(one.costs, one.freedom(scans), distribution)]
+    if explained and good:
+        polygon = start.of(chosen)
+        numbers = polygon.criterion(few) - polygon.cost
+        most = cost_at_all_angles(few, polygon) + numbers - _PRICE
+    else:
+        most = math.inf
+    least, best = min(
+        ((one.evidence(few, chosen), one) for one in good), key=lambda pair: pair[0], default=(most, None)
+    )
+    return best if least < most else None
 
 
-def _rounded(scans: RigidScans, start: Fit, chosen: IntArray, explained: bool) -> RigidCurve | None:
+def _rounded(scans: RigidScans, start: Fit, chosen: IntArray) -> RigidCurve | None:
     """Return the best polygon of round corners; of ever fewer ones, as a corner may stand for a part of an arc."""
     best, corners = None, start.corners
     if reflex(corners).any():
@@ -147,7 +153,11 @@ def _rounded(scans: RigidScans, start: Fit, chosen: IntArray, explained: bool) -
                 centres_of_arcs = ring if area(ring) > 0.0 else ring[::-1]
                 numbers = np.concatenate([[radius], centres_of_arcs.ravel()])
                 one = _descended(scans, RigidCurve(ROUNDED, numbers, start.poses, start.costs), chosen)
-                if one.numbers[0] > 0.0 and (best is None or one.criterion(scans) < best.criterion(scans)):
+                if (
+                    one
+                    and one.numbers[0] > 0.0
+                    and (best is None or one.criterion(scans) < best.criterion(scans))
+                ):
                     best = one
                 elif best is not None:
                     return best
@@ -159,24 +169,32 @@ def _rounded(scans: RigidScans, start: Fit, chosen: IntArray, explained: bool) -
         corners = fewer[0]
 
 
-def _oval(scans: RigidScans, start: Fit, chosen: IntArray) -> RigidCurve:
-    """Return the disc or ellipse that explains the scans best."""
+def _ovals(scans: RigidScans, start: Fit, chosen: IntArray) -> list[RigidCurve]:
+    """Return the ellipse and the disc that explain the scans best."""
     middle, half, angle = _as_ellipse(start.corners)
     cos, sin = np.cos(start.poses[:, 2]), np.sin(start.poses[:, 2])
     turned = np.stack([cos * middle[0] - sin * middle[1], sin * middle[0] + cos * middle[1]], axis=1)
     poses = np.column_stack([start.poses[:, :2] + turned, start.poses[:, 2] + angle])
     ellipse = _descended(scans, RigidCurve(ELLIPSE, half, poses, start.costs), chosen)
+    if ellipse is None:  # nor is it a disc
+        return []
     radius = np.array([math.sqrt(half.prod())])
     disc = _descended(scans, RigidCurve(DISC, radius, ellipse.poses, start.costs), chosen)
-    return ellipse if _lower(float(disc.costs.sum() - ellipse.costs.sum()), ellipse.angles + 1) else disc
+    return [ellipse] if disc is None else [ellipse, disc]
 
 
-def _descended(scans: RigidScans, one: RigidCurve, chosen: IntArray) -> RigidCurve:
-    """Return where a descent of an outline and its poses ends, poses of an oval looked for at all angles."""
+def _descended(scans: RigidScans, one: RigidCurve, chosen: IntArray) -> RigidCurve | None:
+    """Return where a descent of an outline and its poses ends, poses of an oval looked for at all angles.
+
+    None of an oval that is far from the readings while only roughly known.
+    """
     few, poses = scans.of(chosen), one.poses
     if one.kind != ROUNDED:
         soft = loss(scans, _TOLERANCE * float(one.numbers.max()), _CAUCHY)
-        one = replace(one, numbers=_descent(few, replace(one, poses=poses[chosen]), soft).numbers)
+        rough = _descent(few, replace(one, poses=poses[chosen]), soft)
+        if rough.costs.sum() > _ROUGHLY * few.readings.sum():
+            return None
+        one = replace(one, numbers=rough.numbers)
         poses = _looked_for(scans, _drawn(one.kind, one.numbers)[0], poses, soft)
     numbers = _descent(few, replace(one, poses=poses[chosen]), loss(scans)).numbers
     corners = _drawn(one.kind, numbers)[0]

@@ -11,8 +11,9 @@ from tacstrip.arrays import FloatArray
 from tacstrip.core.rigid import RigidScans
 from tacstrip.tracking.rigid.corners import Fit, corners_cut, edges_and_turns, fitted, poses_around, settled
 from tacstrip.tracking.rigid.covariance import covariances, information, rigid_motions
+from tacstrip.tracking.rigid.found import Found, carried
 from tacstrip.tracking.rigid.offsets import with_offsets
-from tacstrip.tracking.rigid.search import Found, carried, freer_spline
+from tacstrip.tracking.rigid.search import freer_spline
 
 _ANOTHER = 0.5  # squared deviations from the others: a place of its own where a pose may rest
 _STEPS, _SETTLED = 10, 3  # of each descent from a corner cut off, and how many of these are settled

@@ -3,25 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import replace
 
 import numpy as np
 import shapely
 
 from tacstrip.arrays import FloatArray, IntArray
-from tacstrip.core.rigid import RigidScans, equations, fit_poses, loss
-from tacstrip.geometry.pose import in_frame, placed
-from tacstrip.reconstruction.polygon.goodness_of_fit import chi_square_score
+from tacstrip.core.rigid import RigidScans
 from tacstrip.tracking.rigid.corners import (
     FIRST,
-    MOST_BAD,
     Fit,
     bad_scans,
     explored,
     fitted,
-    poses_all_round,
     pruned,
     recounted,
     reflex,
@@ -30,22 +24,24 @@ from tacstrip.tracking.rigid.corners import (
     unstuck,
 )
 from tacstrip.tracking.rigid.covariance import following
-from tacstrip.tracking.rigid.hopping import hopped
-from tacstrip.tracking.rigid.joined_paths import joined
-from tacstrip.tracking.rigid.offsets import Offsets, channel_offsets, taken_off, without_needless_corners
-from tacstrip.tracking.rigid.smooth_path import (
-    Path,
-    centres,
-    circle,
-    fit_path,
-    one_after_another,
-    spline_basis,
+from tacstrip.tracking.rigid.found import WORTH_SETTLING, Found, carried, content
+from tacstrip.tracking.rigid.offsets import channel_offsets, taken_off, without_needless_corners
+from tacstrip.tracking.rigid.smooth_path import one_after_another, spline_basis
+from tacstrip.tracking.rigid.starts import (
+    FEW_A_SCAN,
+    KEPT,
+    LOST,
+    TURNS,
+    Starts,
+    needs_smooth_motion,
+    spline_over,
 )
+from tacstrip.tracking.rigid.without_path import best_without_path, hopped_fit
 
-_TURNS, _FINE_TURNS = (tuple(range(-160, 161, step)) for step in (20, 10))  # degrees
+_FINE_TURNS = tuple(range(-160, 161, 10))  # degrees
 _WHOLE_TURNS = tuple(sign * turn for turn in range(180, 561, 20) for sign in (1, -1))
-_DENSE, _MANY_STRIPS, _SPARSE = 48, 20, 16  # scans that a search uses; of finer sensors fewer do
-_KNOTS, _MORE_KNOTS = 4, 8
+_KEPT_TIED = 8  # paths that are made polygons of, of one signature of few strips
+_EVERY_LOST = 0.15  # of the scans, that polygons of all turns may leave
 _ALIKE = 0.003  # of the area's root: outlines that differ by less are one
 _LARGEST = 2.0  # diagonals of the sensor: no outline is larger
 _SPLINES = (4, 6, 8, 11, 15, 20, 26)  # knots of poses that are tied to a spline
@@ -53,223 +49,13 @@ _FREER = 2  # steps up these: the freedom that errors allow the motion
 _NEAR = 6  # fits that are tried on the best of them
 LEAST_STRIPS = 3  # that a scan touches: fewer tell hardly more than a pose
 FEW_STRIPS = 12  # that read an outline at few places, the same ones as long as it does not move across them
-_KEPT, _KEPT_TIED = 3, 8  # paths that are made polygons of; of one signature of few strips
-FEW_A_SCAN = (
-    6  # strips: scans that touch fewer explain one another at many wrong turns, so that all are tried
-)
 _EXPLORED = 3  # rounds of looking beside a fit, as long as that finds a better one
 # polygons that are settled, and of these recounted, where none of all turns explains the scans
 _SETTLED, _RECOUNTED = 12, 3
 _BASINS = 24  # polygons of all turns that are settled for rivals
-_SATISFIED = 1.15  # of the freedom: a chi square that ends the search
-_ALARM, _HARDLY_MORE = 3.5, 1.05  # deviations of chi square, and times the freedom
 _WITHIN = 8.0  # of the best criterion: fits that explain the readings as well
 _WITHIN_KINKS = 16.0  # likewise of concave ones, which seldom come to rest at their least cost
-_UNLIKELY = 0.05  # odds of another count of corners, against the best fit, that are taken for none
-_LOST = 0.5  # of the scans: a polygon that leaves more will not explain them once it is settled
-_FEW_LOST, _EVERY_LOST = 0.3, 0.15  # likewise of a stretch that touches few strips, and polygons of all turns
-_WORTH_SETTLING = 1.6  # times the freedom: fits that may, once they are settled
-_NO_OFFSETS = 50.0  # likewise: offsets do not explain so much
-_SOFT, _HARD = 0.25, 0.1  # pitches that an end of an outline is off
-_COARSE, _FINER, _FINEST = 0.07, 0.023, 0.012  # tolerances of edges, over the outline's radius
-_ROUGH, _SMOOTHER = 0.07, 0.09  # the radii's second differences, likewise
-_ERRATIC = 0.2  # of the radius: a middle that is so far off any smooth path, in the median, moves along none
-_REFERENCES = 3  # of a search without a path: scans that it begins with ...
-_EASED = (0.04, 0.025, 0.016)  # ... and the tolerance of each round from one of them
-_RANDOM_SCANS = 40
-_JOINED = 3  # rivals of one stretch that another is tried with
-
-
-def content(scans: RigidScans, fit: Fit, distribution: str) -> bool:
-    """Whether the fit leaves no more of the readings than noise does, or hardly more where they are very many."""
-    return within_noise(fit.costs, fit.freedom(scans), distribution)
-
-
-def within_noise(costs: FloatArray, freedom: int, distribution: str) -> bool:
-    """Whether what scans cost (T,) is what noise of so many degrees of freedom costs."""
-    return (
-        float(costs.sum()) <= _HARDLY_MORE * freedom
-        or chi_square_score(np.sqrt(costs), freedom, distribution) <= _ALARM
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class Found:
-    """What a search ended with.
-
-    Attributes
-    ----------
-    fit
-        Of all scans.
-    chosen
-        Scans that the rivals are fits of (K,).
-    rivals
-        Fits that explain these about as well, but for the best one, and how much worse their criterion is.
-    offsets
-        Of the channels, where the readings ask for them: the fits are of readings without these.
-    starts
-        What the search began with, for one that is more thorough.
-    """
-
-    fit: Fit
-    chosen: IntArray
-    rivals: tuple[tuple[Fit, float], ...] = ()
-    offsets: Offsets | None = None
-    starts: Starts | None = field(default=None, repr=False)
-
-    def criterion(self, scans: RigidScans) -> float:
-        """Return what searches are compared by: the fit's, and what the offsets cost."""
-        return self.fit.criterion(scans) + (0.0 if self.offsets is None else self.offsets.cost)
-
-    @property
-    def others(self) -> list[tuple[FloatArray, float]]:
-        """The rivals' corners in the fit's frame, each with its weight against all others, the fit's included."""
-        odds = [math.exp(-0.5 * max(worse, 0.0)) for _, worse in self.rivals]
-        total, poses = 1.0 + sum(odds), self.fit.poses[self.chosen]
-        return [(carried(fit, poses), one / total) for (fit, _), one in zip(self.rivals, odds, strict=True)]
-
-    @property
-    def spread_mm(self) -> float:
-        """How far the rivals' outlines are from the fit's, at most: Hausdorff's distance."""
-        own = shapely.Polygon(self.fit.corners).buffer(0)
-        return max(
-            (float(shapely.Polygon(o).buffer(0).hausdorff_distance(own)) for o, _ in self.others), default=0.0
-        )
-
-    def unlike(self, scans: RigidScans, least_mm: float) -> list[Fit]:
-        """Return the rivals with poses of all scans, each the one that is most unlike the fit and those before it."""
-        others = [
-            (fit, shapely.Polygon(o).buffer(0))
-            for (fit, _), (o, _) in zip(self.rivals, self.others, strict=True)
-        ]
-        kept, shapes = list[Fit](), [shapely.Polygon(self.fit.corners).buffer(0)]
-        apart = [float(shape.hausdorff_distance(shapes[0])) for _, shape in others]
-        while apart and max(apart) > least_mm:
-            fit, shape = others[int(np.argmax(apart))]
-            kept.append(with_all_poses(scans, self.chosen, fit))
-            apart = [
-                min(a, float(s.hausdorff_distance(shape))) for a, (_, s) in zip(apart, others, strict=True)
-            ]
-        return kept
-
-    def of_other_count(self, least_mm: float) -> int:
-        """Return how many corners the likeliest rival has that has more or fewer and is off by so much; 0: none is.
-
-        What is less likely than `_UNLIKELY` does not count, nor do `FIRST` corners and more: they stand for a curve.
-        """
-        own = shapely.Polygon(self.fit.corners).buffer(0)
-        for (fit, worse), (outline, _) in zip(self.rivals, self.others, strict=True):
-            far = float(shapely.Polygon(outline).buffer(0).hausdorff_distance(own))
-            if (
-                len(fit.corners) != len(self.fit.corners)
-                and math.exp(-0.5 * worse) > _UNLIKELY
-                and max(len(fit.corners), len(self.fit.corners)) < FIRST
-                and far > least_mm
-            ):
-                return len(fit.corners)
-        return 0
-
-
-def carried(rival: Fit, poses: FloatArray) -> FloatArray:
-    """Return a rival's corners as the frame has them whose poses in the same scans are these, in the median."""
-    turns = np.angle(np.exp(1j * (rival.poses[:, 2] - poses[:, 2])))
-    turn = turns[0] + np.median(np.angle(np.exp(1j * (turns - turns[0]))))
-    middle = rival.corners.mean(axis=0)
-    seen = [
-        in_frame(placed(middle[None], own), pose)[0] for own, pose in zip(rival.poses, poses, strict=True)
-    ]
-    return placed(rival.corners - middle, np.array([*np.median(seen, axis=0), turn]))
-
-
-@dataclass(eq=False)
-class Starts:
-    """Rough outlines on smooth paths, by total turn [deg], and the polygons that they become: each made once.
-
-    Attributes
-    ----------
-    scans
-        All of them.
-    rough, refined
-        Outlines on few knots, and the best of them on more.
-    polygons
-        With free poses, of ever fewer corners.
-    """
-
-    scans: RigidScans
-    rough: dict[int, Path] = field(default_factory=dict)
-    refined: dict[int, Path] = field(default_factory=dict)
-    polygons: dict[int, list[Fit]] = field(default_factory=dict)
-
-    @cached_property
-    def chosen(self) -> IntArray:
-        """Scans that a search uses."""
-        return _chosen(self.scans)
-
-    @cached_property
-    def few(self) -> RigidScans:
-        """These."""
-        return self.scans.of(self.chosen)
-
-    @cached_property
-    def splines(self) -> list[FloatArray]:
-        """Of few and of more knots, over these."""
-        return [_spline(self.scans, self.chosen, knots) for knots in (_KNOTS, _MORE_KNOTS)]
-
-    @property
-    def erratic(self) -> bool:
-        """Whether the contact's middle moves along no smooth path."""
-        middle, area = centres(self.few)
-        basis = self.splines[1]
-        off = middle - basis @ np.linalg.lstsq(basis, middle, rcond=None)[0]
-        return bool(np.median(np.hypot(*off.T)) > _ERRATIC * math.sqrt(float(np.median(area)) / math.pi))
-
-    def best(self, turns: Sequence[int], kept: int) -> list[int]:
-        """Return the turns that the best outlines come from."""
-        for turn in turns:
-            if turn not in self.rough:
-                path = circle(self.few, self.splines[0], math.radians(turn))
-                path = fit_path(self.few, path, 8, tolerance=_COARSE, cauchy=3.0, rough=_ROUGH, end=_SOFT)
-                path = fit_path(self.few, path, 6, tolerance=_FINER, cauchy=3.0, rough=_ROUGH, end=_SOFT)
-                self.rough[turn] = path
-        near = sorted(turns, key=lambda t: self.rough[t].cost)[: 2 * kept]
-        for turn in near:
-            if turn not in self.refined:
-                path = self.rough[turn].refined(self.splines[1])
-                path = fit_path(self.few, path, 10, tolerance=_FINER, cauchy=3.0, rough=_ROUGH, end=_SOFT)
-                path = fit_path(self.few, path, 6, tolerance=_FINEST, cauchy=3.0, rough=_SMOOTHER, end=_HARD)
-                self.refined[turn] = path
-        return sorted(near, key=lambda t: self.refined[t].cost)[:kept]
-
-    def paths(self, turns: Sequence[int]) -> list[Path]:
-        """Return the outlines of some turns."""
-        return [self.refined[turn] for turn in turns]
-
-    def pruned(self, turns: Sequence[int]) -> list[Fit]:
-        """Return the polygons, with free poses, that the outlines of some turns become."""
-        for turn, path in zip(turns, self.paths(turns), strict=True):
-            if turn not in self.polygons:
-                self.polygons[turn] = pruned(self.few, path.corners, path.poses)
-        return [fit for turn in turns for fit in self.polygons[turn]]
-
-    @cached_property
-    def hopeless(self) -> bool:
-        """Whether the best outlines leave most scans unexplained, as those of a rigid object hardly ever do."""
-        return self.unexplained(self.best(_TURNS, _KEPT)) > _LOST
-
-    @property
-    def plain(self) -> bool:
-        """Whether outlines on smooth paths tell if a rigid one explains the scans."""
-        return not self.erratic and not needs_smooth_motion(self.scans)
-
-    @property
-    def promising(self) -> bool:
-        """Whether a rigid outline may explain a stretch of scans, by the best on smooth paths."""
-        few = self.scans.strips_touched < FEW_A_SCAN
-        return not self.plain or self.unexplained(self.best(_TURNS, _KEPT)) <= (_FEW_LOST if few else _LOST)
-
-    def unexplained(self, turns: Sequence[int]) -> float:
-        """Return the share of the scans that the polygons of some turns leave unexplained, at least."""
-        return min(len(bad_scans(self.few, f)) for f in self.pruned(turns)) / len(self.chosen)
+_NO_OFFSETS = 50.0  # times the freedom: offsets do not explain so much
 
 
 def search(
@@ -298,7 +84,7 @@ def search(
         return content(taken_off(scans, one.offsets), one.fit, distribution)
 
     def without_path() -> Found:
-        fit = _hopped(scans, distribution) if erratic and few else _without_path(scans)
+        fit = hopped_fit(scans, distribution) if erratic and few else best_without_path(scans)
         return free or replace(_compared(scans, [fit], distribution), starts=starts)
 
     if found is None:
@@ -306,9 +92,9 @@ def search(
             free = without_path()
             if few or explained(free):
                 return free
-        turns = starts.best(_TURNS, _KEPT)
+        turns = starts.best(TURNS, KEPT)
         if needs_smooth_motion(scans):
-            some = starts.best(_TURNS, _KEPT_TIED) if few else turns
+            some = starts.best(TURNS, _KEPT_TIED) if few else turns
             found = _with_offsets(starts, some, distribution, offsets, tied=True)
             if explained(found):
                 return found if few else _on_as_many_knots_as_all_ask_for(scans, found)
@@ -322,11 +108,11 @@ def search(
         return found
 
     def on_more_turns() -> Found:
-        return _with_offsets(starts, starts.best(_FINE_TURNS, 2 * _KEPT), distribution, offsets)
+        return _with_offsets(starts, starts.best(_FINE_TURNS, 2 * KEPT), distribution, offsets)
 
     if not round_and_round and not erratic:
         ways = [on_more_turns]
-    elif len(bad_scans(taken_off(scans, found.offsets), found.fit)) > _LOST * len(scans.k):
+    elif len(bad_scans(taken_off(scans, found.offsets), found.fit)) > LOST * len(scans.k):
         ways = [without_path, on_more_turns]
     else:
         ways = [on_more_turns, without_path]
@@ -415,7 +201,7 @@ def _with_offsets(
     without = _compared(scans, fits, distribution) if compete else Found(best, np.arange(len(scans.k)))
     wanted &= without.fit.cost < _NO_OFFSETS * without.fit.freedom(scans)
     asked = channel_offsets(scans, without.fit) if wanted else None
-    if asked is None or asked[1].cost > _WORTH_SETTLING * asked[1].freedom(scans):  # it is not offsets, then
+    if asked is None or asked[1].cost > WORTH_SETTLING * asked[1].freedom(scans):  # it is not offsets, then
         return replace(without if compete else _compared(scans, fits, distribution), starts=starts)
     offsets, _ = without_needless_corners(scans, *asked)
     fits = _polygons(starts, taken_off(scans, offsets), turns, distribution, tied)
@@ -465,11 +251,6 @@ def _scaled(fit: Fit, larger: float) -> Fit:
     return replace(fit, costs=fit.costs / larger**2)
 
 
-def needs_smooth_motion(scans: RigidScans) -> bool:
-    """Whether a scan tells hardly more than a pose: one signature."""
-    return len(scans.read) == 1
-
-
 def freer_spline(basis: FloatArray | None) -> FloatArray | None:
     """Return a spline of more knots over the same scans: what the readings do not rule out, errors must allow for.
 
@@ -509,16 +290,6 @@ def _on_as_many_knots_as_all_ask_for(scans: RigidScans, found: Found) -> Found:
     return replace(found, fit=fit, rivals=tuple(zip(others, worse, strict=True)))
 
 
-def _chosen(scans: RigidScans) -> IntArray:
-    """Return the scans that a search uses."""
-    many = _SPARSE if scans.k.shape[2] > _MANY_STRIPS else _DENSE
-    return np.unique(np.linspace(0, len(scans.k) - 1, min(len(scans.k), many)).astype(int))
-
-
-def _spline(scans: RigidScans, chosen: IntArray, knots: int) -> FloatArray:
-    return spline_basis(chosen / max(len(scans.k) - 1, 1), min(knots, len(chosen)), straight=True)
-
-
 def _polygons(
     starts: Starts, scans: RigidScans, turns: list[int], distribution: str, tied: bool = False
 ) -> list[Fit]:
@@ -548,7 +319,7 @@ def _compared(scans: RigidScans, fits: list[Fit], distribution: str, within: flo
     """Return the best of fits of all scans, without corners that it does not need, and those that are about as good."""
     every = sorted(fits, key=lambda f: f.criterion(scans))
     best = every[0]
-    if best.cost < _WORTH_SETTLING * best.freedom(scans):
+    if best.cost < WORTH_SETTLING * best.freedom(scans):
         best, counts = recounted(scans, best)
         every += counts
         concave = bool(reflex(best.corners).any())
@@ -580,10 +351,10 @@ def _on_the_best_spline(scans: RigidScans, chosen: IntArray, fits: list[Fit]) ->
     for knots in _SPLINES:
         if knots > len(chosen) // 2 or worse == 2:
             break
-        basis = _spline(scans, chosen, knots)
+        basis = spline_over(scans, chosen, knots)
         fit = fitted(few, fits[0].corners, fits[0].poses, 20, basis=basis)
         best, worse = (fit, 0) if fit.criterion(few) < best.criterion(few) else (best, worse + 1)
-    near = [f for f in fits if f.cost < _WORTH_SETTLING * fits[0].freedom(few)]
+    near = [f for f in fits if f.cost < WORTH_SETTLING * fits[0].freedom(few)]
     again = [fitted(few, f.corners, f.poses, 20, basis=best.basis) for f in near[:_NEAR]]
     return sorted([best, *again], key=lambda f: f.criterion(few))
 
@@ -593,7 +364,7 @@ def _alternatives(scans: RigidScans, fits: list[Fit], distribution: str) -> list
     best = settled(scans, fits[0])
     found = [best]
     for fit in fits[1:]:
-        if fit.cost > _WORTH_SETTLING * fit.freedom(scans):
+        if fit.cost > WORTH_SETTLING * fit.freedom(scans):
             continue
         fit = settled(scans, fit)
         worse = fit.criterion(scans) - min(f.criterion(scans) for f in found)
@@ -622,7 +393,7 @@ def _on_all(scans: RigidScans, chosen: IntArray, fit: Fit) -> Fit:
     """Return a fit of some scans as one of all, settled and recounted."""
     poses = fit.poses
     if fit.basis is not None:
-        basis = _spline(scans, np.arange(len(scans.k)), fit.basis.shape[1])
+        basis = spline_over(scans, np.arange(len(scans.k)), fit.basis.shape[1])
         knots = np.linalg.lstsq(fit.basis, poses, rcond=None)[0]
         return fitted(scans, fit.corners, basis @ knots, basis=basis)
     if len(chosen) < len(scans.k):
@@ -634,141 +405,6 @@ def _on_all(scans: RigidScans, chosen: IntArray, fit: Fit) -> Fit:
     else:
         fit = fitted(scans, fit.corners, poses)
     fit = rescued(scans, fit)
-    if fit.basis is None and len(bad_scans(scans, fit)) > _LOST * len(scans.k):
+    if fit.basis is None and len(bad_scans(scans, fit)) > LOST * len(scans.k):
         return fit
     return unstuck(scans, settled(scans, fit))
-
-
-def _without_path(scans: RigidScans) -> Fit:
-    """Return a fit that takes poses for independent: a scan's own outline, poses of all others on it, and again."""
-    total = len(scans.k)
-    chosen = np.unique(np.linspace(0, total - 1, min(total, _RANDOM_SCANS)).astype(int))
-    few = scans.of(chosen)
-    order = np.argsort(-few.readings, kind="stable")
-    references = order[:: max(1, len(order) // (2 * _REFERENCES))][:_REFERENCES]
-    free, best = np.eye(len(chosen)), None
-    for reference in references:
-        alone = few.of([reference])
-        path = circle(alone, np.ones((1, 1)), 0.0)
-        path = fit_path(alone, path, 20, tolerance=_FINER, cauchy=3.0, rough=_ROUGH, end=0.25)
-        for tolerance in _EASED:
-            near = poses_all_round(few, path.corners, tolerance * float(path.radii.mean()), 24, 3)[0]
-            path = Path(path.radii, _wrapped(near[:, 0]), free, np.inf)
-            path = fit_path(few, path, 10, tolerance=tolerance, cauchy=3.0, rough=_ROUGH, end=0.1)
-        fit = min(pruned(few, path.corners, path.poses), key=lambda f: f.criterion(few))
-        hopeless = len(bad_scans(few, fit)) > MOST_BAD * len(chosen)
-        if not hopeless:
-            fit = settled(few, rescued(few, fit))
-        if best is None or fit.criterion(few) < best.criterion(few):
-            best = fit
-        # one scan of many strips shows an outline that explains others, if it is rigid
-        if fit.cost < _SATISFIED * fit.freedom(few) or (hopeless and scans.k.shape[2] > _MANY_STRIPS):
-            break
-    assert best is not None
-    if len(chosen) < total:
-        poses = poses_all_round(scans, best.corners, 0.05 * scans.sensor.pitch_mm)[0][:, 0]
-        best = settled(scans, fitted(scans, best.corners, poses))
-    return best if best.cost > _WORTH_SETTLING * best.freedom(scans) else unstuck(scans, best)
-
-
-def _hopped(scans: RigidScans, distribution: str) -> Fit:
-    """Return a fit that takes poses for independent, of one signature of few strips."""
-    chosen = np.unique(np.linspace(0, len(scans.k) - 1, min(len(scans.k), _DENSE)).astype(int))
-    few = scans.of(chosen)
-    fit = hopped(few, lambda f: content(few, f, distribution))
-    if len(chosen) < len(scans.k):
-        poses = poses_all_round(scans, fit.corners, 0.05 * scans.sensor.pitch_mm)[0][:, 0]
-        fit = settled(scans, fitted(scans, fit.corners, poses))
-    return fit if fit.cost > _WORTH_SETTLING * fit.freedom(scans) else unstuck(scans, fit)
-
-
-def _wrapped(poses: FloatArray) -> FloatArray:
-    return np.column_stack([poses[:, :2], (poses[:, 2] + np.pi) % (2.0 * np.pi) - np.pi])
-
-
-def with_all_poses(scans: RigidScans, chosen: IntArray, fit: Fit) -> Fit:
-    """Return a fit of some scans with the poses of all: from those next to it, and all round where that fails."""
-    if len(chosen) == len(scans.k):
-        return fit
-    if fit.basis is not None:
-        basis = _spline(scans, np.arange(len(scans.k)), fit.basis.shape[1])
-        poses = basis @ np.linalg.lstsq(basis[chosen], fit.poses, rcond=None)[0]
-        return Fit(fit.corners, poses, equations(scans, fit.corners, poses, loss(scans)).costs, basis)
-    start = np.stack(
-        [np.interp(np.arange(len(scans.k)), chosen, p) for p in np.unwrap(fit.poses, axis=0).T], axis=1
-    )
-    poses, costs = fit_poses(
-        scans, fit.corners, start[:, None], loss(scans, 0.05 * scans.sensor.pitch_mm, 5.0), 8
-    )
-    poses, costs = fit_poses(scans, fit.corners, poses, loss(scans), 12)
-    found = Fit(fit.corners, poses[:, 0], costs[:, 0])
-    bad = bad_scans(scans, found)
-    if len(bad):
-        others, cost = poses_all_round(scans.of(bad), fit.corners, 0.05 * scans.sensor.pitch_mm)
-        better = cost[:, 0] < found.costs[bad]
-        found.poses[bad[better]], found.costs[bad[better]] = others[better, 0], cost[better, 0]
-    return found
-
-
-def recognised(known: RigidScans, fit: Fit, scans: RigidScans, distribution: str) -> Fit | None:
-    """Return the fit of known scans and further ones, where the known outline explains these too; else None."""
-    middle, last = len(scans.k) // 2, len(scans.k)
-    soft, exact = loss(scans, 0.05 * scans.sensor.pitch_mm, 6.0), loss(scans)
-    best, least = None, np.inf
-    for start in poses_all_round(scans.of([middle]), fit.corners, 0.05 * scans.sensor.pitch_mm, kept=8)[0][0]:
-        poses, costs = np.empty((last, 3)), np.empty(last)
-        for way in (range(middle, last), range(middle, -1, -1)):
-            pose = start
-            for i in way:
-                one = scans.of([i])
-                found = fit_poses(one, fit.corners, pose[None, None], soft, 5)[0]
-                found, cost = fit_poses(one, fit.corners, found, exact, 8)
-                pose = poses[i] = found[0, 0]
-                costs[i] = cost[0, 0]
-        if costs.sum() < least:
-            best, least = poses, float(costs.sum())
-    assert best is not None
-    together = replace(known, k=np.concatenate([known.k, scans.k]))
-    joint = fitted(together, fit.corners, np.concatenate([fit.poses, best]), 10, cauchy=5.0)
-    joint = settled(together, rescued(together, fitted(together, joint.corners, joint.poses)))
-    return _explaining_both(together, [joint], scans, distribution)
-
-
-def recognised_on_path(known: RigidScans, found: Found, scans: RigidScans, distribution: str) -> Fit | None:
-    """Return the fit of known scans and further ones, of poses on a spline each; None where none explains both.
-
-    Known scans leave much open: which of the outlines that explain them is right, the further ones may decide.
-    """
-    together = replace(known, k=np.concatenate([known.k, scans.k]))
-    every = len(found.chosen) == len(known.k)
-    fits = [found.fit, *(fit for fit, _ in found.rivals[:_JOINED] if every)]
-    return _explaining_both(together, joined(known, fits, scans), scans, distribution)
-
-
-def _explaining_both(
-    together: RigidScans, fits: Iterable[Fit], last: RigidScans, distribution: str
-) -> Fit | None:
-    """Return the first of fits that explains the last scans by themselves and all, or one from the best; else None."""
-
-    def both_explained(fit: Fit) -> bool:
-        count = len(last.k)
-        basis = None if fit.basis is None else fit.basis[-count:]
-        if basis is not None:
-            basis = basis[:, (basis != 0.0).any(axis=0)]
-        part = Fit(fit.corners, fit.poses[-count:], fit.costs[-count:], basis)
-        return content(last, part, distribution) and content(together, fit, distribution)
-
-    tried = list[Fit]()
-    for fit in fits:
-        if both_explained(fit):
-            return fit
-        tried.append(fit)
-    fit = min(tried, key=lambda f: f.criterion(together))
-    # Too few scans may have told a corner too few, or an outline that is off along what they left open.
-    for further in (unstuck, lambda every, fit: explored(every, fit)[0]):
-        if fit.cost > _WORTH_SETTLING * fit.freedom(together):
-            break
-        fit = recounted(together, further(together, fit))[0]
-        if both_explained(fit):
-            return fit
-    return None

@@ -8,7 +8,9 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.core.rigid import RigidScans
-from tacstrip.tracking.rigid.search import LEAST_STRIPS, Found, Starts, rigid_stretch
+from tacstrip.tracking.rigid.found import Found
+from tacstrip.tracking.rigid.search import LEAST_STRIPS, rigid_stretch
+from tacstrip.tracking.rigid.starts import Starts
 
 FEWEST = 5  # scans of a stretch
 _MOST, _JUMP = (

@@ -10,7 +10,7 @@ import numpy as np
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.geometry.pose import in_frame, placed
 from tacstrip.tracking.rigid.corners import FEWEST, FIRST, PLACES, along_the_open, edges_bent, faintest
-from tacstrip.tracking.rigid.search import FEW_A_SCAN
+from tacstrip.tracking.rigid.starts import FEW_A_SCAN
 from tacstrip.tracking.shared_strips.beam import SAME
 from tacstrip.tracking.shared_strips.joint_fit import Scene, evidence, fitted, outline_covariances
 from tacstrip.tracking.shared_strips.rows import Rows
