@@ -235,9 +235,15 @@ def _levels_at_rest(
         # A stray block is not a change.
         there = np.flatnonzero(np.isfinite(own[:, place]))
         if len(there) >= _LOOKS and np.ptp(_MIDDLE[there[1:-1]]) >= _SPAN:
-            out[there, order[place]] = median_filter(own[there, place], 3, mode="constant")
-            out[there[[0, -1]], order[place]] = np.nan  # which the filter pads
+            out[:, order[place]] = _without_strays(own[:, place])
     return out, float(np.median(shared)) if shared else np.nan, rests, np.stack(untouched), noise
+
+
+def _without_strays(level: FloatArray) -> FloatArray:
+    """Return levels (blocks,) as medians of three that follow each other, NaN at both ends."""
+    out, there = np.full_like(level, np.nan), np.flatnonzero(np.isfinite(level))
+    out[there[1:-1]] = median_filter(level[there], 3, mode="constant")[1:-1]
+    return out
 
 
 def _block_medians(
@@ -290,23 +296,25 @@ def _outstanding_at_rest(
         # Where a contact reads as rest, the neighbours' levels move with the strip's: with its course without strays,
         # and, as a wander may be that contact's own course, with all that was read, too.
         near = [(v[:, at], v[:, j]) for v in every for j in _around(at, len(order))]
-        shared = max((_goes_with(level[:, i], other) for _, other in near), default=0.0)
+        shared = max((_goes_with(level[:, i], _without_strays(other)) for _, other in near), default=0.0)
         with_strays = max((_goes_with(own, other) for own, other in near), default=0.0)
         if len(others) < 2 or max(shared, 0.0, *size[beside]) > 0.5 * size[row]:
             continue
-        usual = max(float(np.median(others)) * _TIMES, float(np.quantile(others, 0.9)) * _TIMES / 2.0)
+        # A line is held against others' lines: what blocks of time err by has little of one.
+        usual, usual_line = (
+            max(float(np.median(v)) * _TIMES, float(np.quantile(v, 0.9)) * _TIMES / 2.0)
+            for v in (others, np.delete(np.abs(line[:, 0]), [row, *beside]))
+        )
         change, straight = line[row]
         levels = float(np.isfinite(level[:, i]).sum())
-        if size[row] <= usual:
-            continue
-        least = max(_DRIFT, _BEYOND_NOISE * _slope_sigma(level[:, i], noise[:, i]))
+        least = max(_DRIFT, usual_line, _BEYOND_NOISE * _slope_sigma(level[:, i], noise[:, i]))
         if straight > _STRAIGHT and abs(change) > least:
             evidence = f"moved by {100 * change:+.3g} % of Vref from start to end, untouched, the others by "
             evidence += f"{100 * float(np.median(np.abs(np.delete(line[:, 0], row)))):.2g} %"
             yield Finding("drift", (i,), evidence, {"change": float(change), "levels_at_rest": levels})
         elif (
             straight <= _STRAIGHT
-            and size[row] > _WANDER
+            and size[row] > max(_WANDER, usual)
             and with_strays <= 0.5 * size[row]
             and _slow(level[:, i])
             and _lasting(level[:, i]) > usual
