@@ -236,9 +236,9 @@ def _examined(part: Log, kinds: Set[str] = FAULTS.keys(), sought: Set[_Place] = 
     tests = [] if pressed else list(_TESTS) if geometric else [never_touched, swapped_wires]
     tests = [t for t in tests if kinds & _TESTS[t] and not (ceiling and t is clipped)]
     named = _remove_dominant(rows, tests, {s for s in sought if any(s[0] in _TESTS[t] for t in tests)})
-    doubted += [
-        Question(s.finding.strips, (s.finding.fault,), s.finding.evidence) for s in named if s.doubtful
-    ]
+    for s in (s for s in named if s.doubtful):  # a strip that is open in some places may be so at some times
+        causes = (s.finding.fault, *["intermittent"] * (s.finding.fault == "open-strip"))
+        doubted.append(Question(s.finding.strips, causes, s.finding.evidence))
     named = [s for s in named if not s.doubtful]
     # Strips in the wrong order have a gap at a contact's end, and so do, by them, those beside.
     exchanged = {i for s in named if s.finding.fault == "swapped-strips" for i in s.finding.strips}

@@ -48,7 +48,7 @@ _GAIN_ASKED, _OUTSTANDING_ASKED, _CERTAIN_ASKED = 100.0, 1.4, 2.4
 _GAIN_FAR_OUT, _FAR_OUT = 60.0, 3.0  # asked, whatever looks say: they are few
 _GAIN_OF_LINE_ASKED, _OUTSTANDING_LINE_ASKED, _CERTAIN_OF_LINE_ASKED = 50.0, 2.5, 1.0
 # Against one rigid outline under all strips, which holds the shape: what of it is left is far less than of bends.
-_FITS_LOOSELY, _FITS = 3.0, 1.7  # times the noise that a rigid outline leaves at the most, on a smooth path
+_FITS_LOOSELY, _FITS = 5.0, 1.7  # times the noise that a rigid outline leaves at the most, on a smooth path
 _QUARTERS = 4  # of the recording
 _BEYOND, _BEYOND_LINE = (120.0, 2.6, 0.003), (50.0, 3.5, 0.004)  # gain, times the next strip's, over Vref
 _MOST_SEEN = 0.8  # of the strips: parts that no contact joins are outlines of their own

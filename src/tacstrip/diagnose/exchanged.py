@@ -43,6 +43,7 @@ _ELSEWHERE = 0.06  # over Vref: a strip this far off what its neighbours expect 
 _CURVED = 2.0  # times the median strip's: what curved signatures leave at the most
 _LEAVES = 0.35  # of what these strips and the next ones are off, in the right order
 _ALIKE = 0.15  # over Vref: what neighbours differ by at the most
+_COMPARED = 500  # places
 _CLEARLY, _WORSE = (
     0.01,
     0.6,
@@ -404,26 +405,25 @@ def _most_alike(work: WorkingCopy) -> IntArray:
     Where one of two strips is touched, and the other not, they differ by `_ALIKE`. Source: local search for the
     shortest path through all strips, from the order at hand, by exchanges of two strips and moves of one.
     """
-    n = work.strips
-    apart = np.zeros((n, n))
-    for values in work.k.values():
+    n, some = work.strips, np.linspace(0, len(work.there) - 1, min(len(work.there), _COMPARED)).astype(int)
+    apart, there = np.zeros((n, n)), work.there[some]
+    for values in (one[some] for one in work.k.values()):
         for i in range(n):
             off = np.minimum(np.abs(values - values[:, [i]]), _ALIKE)
-            one = work.there != work.there[:, [i]]
-            apart[i] += np.where(one, _ALIKE, np.nan_to_num(off)).sum(axis=0)
+            apart[i] += np.where(there != there[:, [i]], _ALIKE, np.nan_to_num(off)).sum(axis=0)
     order = np.arange(n)
-    moves = [np.insert(np.delete(order, i), j, i) for i in range(n) for j in range(n) if abs(i - j) > 1]
-    for pair in combinations(range(n), 2):
-        exchanged = order.copy()
-        exchanged[list(pair)] = pair[::-1]
-        moves.append(exchanged)
-    steps, shortest = np.array(moves), np.inf
+    steps = np.tile(order, (3 * (n * (n - 1) // 2) + 1, 1))  # the last changes nothing
+    for move, (i, j) in enumerate(combinations(range(n), 2)):
+        exchange, up, down = steps[3 * move : 3 * move + 3]
+        exchange[[i, j]] = j, i
+        up[i:j], up[j] = order[i + 1 : j + 1], i
+        down[i + 1 : j + 1], down[i] = order[i:j], j
     while True:
         tried = order[steps]
         length = apart[tried[:, :-1], tried[:, 1:]].sum(axis=1)
-        if length.min() >= shortest:
+        if length.min() >= length[-1]:
             return order
-        shortest, order = float(length.min()), tried[int(np.argmin(length))]
+        order = tried[int(np.argmin(length))]
 
 
 def _arrange(work: WorkingCopy, order: IntArray) -> None:
