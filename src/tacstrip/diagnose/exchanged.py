@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Sequence, Set
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import combinations
@@ -43,7 +43,7 @@ _ELSEWHERE = 0.06  # over Vref: a strip this far off what its neighbours expect 
 _CURVED = 2.0  # times the median strip's: what curved signatures leave at the most
 _LEAVES = 0.35  # of what these strips and the next ones are off, in the right order
 _ALIKE = 0.15  # over Vref: what neighbours differ by at the most
-_COMPARED = 500  # places
+_COMPARED, _LONGEST = 300, 3  # places; strips in each other's places
 _CLEARLY, _WORSE = (
     0.01,
     0.6,
@@ -338,14 +338,14 @@ def _exchange(work: WorkingCopy, one: int, other: int) -> None:
 
 
 def out_of_order(work: WorkingCopy) -> Iterator[Suspect]:
-    """Find strips, two or more, that are in each other's places: in the right order neighbours are most alike.
+    """Find two strips, or three, that are in each other's places: in the right order neighbours are most alike.
 
     Only where a strip disagrees with its neighbours, and all strips agree in the order found.
     """
     was = _misfits(work)
     if not (was[1:-1] > _ELSEWHERE).any():
         return
-    order = _most_alike(work)
+    order = _most_alike(work, set(np.flatnonzero(was > _ELSEWHERE).tolist()))
     tried = replace(work, k=dict(work.k), there=work.there, order=work.order)
     _arrange(tried, order)
     now = _misfits(tried)
@@ -361,8 +361,8 @@ def out_of_order(work: WorkingCopy) -> Iterator[Suspect]:
     better, worse = (int(np.count_nonzero(side > _CLEARLY)) for side in (gain, -gain))
     if better < _FEW or worse > _WORSE * better:
         return
-    share = after / max(before, 1e-9)
-    for cycle in _cycles(order):
+    share, cycles = after / max(before, 1e-9), list(_cycles(order))
+    for cycle in cycles if max(map(len, cycles)) <= _LONGEST else []:  # more: another object, another order
         another = "the other" if len(cycle) == 2 else "another"
         evidence = (
             f"each reads what the neighbours of {another} expect: in the order in which neighbours are most alike, "
@@ -399,11 +399,12 @@ def _cycles(order: IntArray) -> Iterator[list[int]]:
         yield cycle
 
 
-def _most_alike(work: WorkingCopy) -> IntArray:
+def _most_alike(work: WorkingCopy, astray: Set[int]) -> IntArray:
     """Return the order of the strips (strips,) in which the readings of neighbours differ least, over all places.
 
     Where one of two strips is touched, and the other not, they differ by `_ALIKE`. Source: local search for the
-    shortest path through all strips, from the order at hand, by exchanges of two strips and moves of one.
+    shortest path through all strips, from the order at hand, by exchanges of two places, and moves from one to another,
+    of which one at least is `astray`.
     """
     n, some = work.strips, np.linspace(0, len(work.there) - 1, min(len(work.there), _COMPARED)).astype(int)
     apart, there = np.zeros((n, n)), work.there[some]
@@ -412,8 +413,9 @@ def _most_alike(work: WorkingCopy) -> IntArray:
             off = np.minimum(np.abs(values - values[:, [i]]), _ALIKE)
             apart[i] += np.where(there != there[:, [i]], _ALIKE, np.nan_to_num(off)).sum(axis=0)
     order = np.arange(n)
-    steps = np.tile(order, (3 * (n * (n - 1) // 2) + 1, 1))  # the last changes nothing
-    for move, (i, j) in enumerate(combinations(range(n), 2)):
+    pairs = [pair for pair in combinations(range(n), 2) if astray & set(pair)]
+    steps = np.tile(order, (3 * len(pairs) + 1, 1))  # the last changes nothing
+    for move, (i, j) in enumerate(pairs):
         exchange, up, down = steps[3 * move : 3 * move + 3]
         exchange[[i, j]] = j, i
         up[i:j], up[j] = order[i + 1 : j + 1], i
