@@ -5,6 +5,10 @@ import pytest
 
 import tacstrip as ts
 from tacstrip.diagnose import Log, diagnose
+from tacstrip.diagnose.channels import not_moving
+from tacstrip.diagnose.drift import _outstanding_at_rest
+from tacstrip.diagnose.hum import _mains_lines
+from tacstrip.diagnose.neighbour_prediction import working_copy
 
 _STRIPS, _SCANS, _RATE_HZ = 16, 700, 43.0
 _SENSOR = ts.Sensor(
@@ -84,10 +88,10 @@ def test_exchanged_strips_that_are_no_neighbours() -> None:
     assert _said(time_s, k) == ([("swapped-strips", (4, 11))], [])
 
 
-def test_three_strips_in_the_wrong_order_are_no_pair() -> None:
+def test_three_strips_in_the_wrong_order() -> None:
     time_s, k = _recording()
-    k[:, :, [3, 8, 12]] = k[:, :, [8, 12, 3]]
-    assert not [strips for fault, strips in _said(time_s, k)[0] if fault == "swapped-strips"]
+    k[:, :, [5, 6, 7]] = k[:, :, [6, 7, 5]]
+    assert _said(time_s, k) == ([("swapped-strips", (5, 6, 7))], [])
 
 
 def test_a_joint_that_drops_out_by_a_part() -> None:
@@ -101,3 +105,38 @@ def test_a_joint_that_drops_out_by_a_part() -> None:
 
 def test_the_same_recording_without_a_fault() -> None:
     assert _said(*_recording()) == ([], [])
+
+
+def test_drift_at_rest_beside_a_strip_with_one_stray_level() -> None:
+    rng = np.random.default_rng(3)
+    level = rng.normal(0.0, 0.0006, (32, 12))
+    level[:, 5] += 0.011 * (np.arange(32.0) / 31.0 - 0.5)
+    every = level[None].copy()
+    every[0, 30, 4] = -0.05  # a contact at the ground end
+    found = list(_outstanding_at_rest(level, every, np.full(level.shape, 0.0006), np.arange(12)))
+    assert [(f.fault, f.strips) for f in found] == [("drift", (5,))]
+
+
+@pytest.mark.parametrize("others", [0.0007, 0.005])
+def test_a_line_that_short_visits_widen_is_louder_than_on_other_strips(others: float) -> None:
+    size = np.full(10, others)
+    size[4] = 0.007
+    near = np.where(np.arange(10) == 4, 0.007**2 / 12.0, others**2)
+    power = np.repeat(np.stack([size**2, near])[:, None], 8, axis=1) * 50.0  # (2, segments, strips)
+    nothing = np.zeros_like(power)
+    found = _mains_lines([power, nothing], [np.full((8, 10), 50.0), nothing[0]], 0.001, True)
+    assert [f.strips for f in found] == ([(4,)] if others < 0.001 else [])
+
+
+@pytest.mark.parametrize("rests", [True, False])
+def test_a_strip_that_keeps_its_reading_beside_strips_that_do(rests: bool) -> None:
+    rng = np.random.default_rng(4)
+    moves = rng.uniform(0.6, 0.99, 60)
+    k = np.full((60, 13), np.nan)
+    k[:, 2:8] = 0.56 if rests else moves[:, None]
+    k[:, 8:10], k[:, 10] = moves[:, None], 0.625
+    k += rng.normal(0.0, 0.001, k.shape)
+    sensor = ts.Sensor(construction="crs-m", strips=13, pitch_mm=6.0, length_mm=275.0)
+    log = Log.of(sensor, np.arange(60.0), {"k": k})
+    found = [s.finding.strips for s in not_moving(working_copy(log, 0.001))]
+    assert found == ([] if rests else [(10,)])

@@ -33,6 +33,7 @@ _STRAYS = 2  # places
 _FAR_APART = 0.3  # over Vref, of heights: a palm over the ends of some strips does not move so far
 _SIDE = 0.93  # of pairs of a height on a rail and one off it, in the same order: a cut lies between
 _ALL_THE_TIME, _VISITS = 0.9, 3  # of the places: an object that lies still does not come and go; visits
+_RESTING = 2  # strips, beside the one in question
 _ALIKE = 0.7  # correlation of a strip's neighbours that are under one object
 _FEW, _SOME = 3, 8  # places
 _ONE_VISIT = 0.1  # of the places: a contact that goes beyond a limit only then does so once
@@ -274,9 +275,12 @@ def not_moving(work: WorkingCopy) -> Iterator[Suspect]:
             rests = _rests(work, strip, still)
             if rests and not without_contact[strip]:
                 continue
+            at_rim = np.count_nonzero(between[rows, strip]) < _SOME
+            if at_rim and _others_rest(work.k[name][rows], strip, still):
+                continue
             level = float(np.median(values))
             # At a contact's rim, noise of a strip that rests makes it count as touched.
-            if _like_rest(work, level) and np.count_nonzero(between[rows, strip]) < _SOME:
+            if _like_rest(work, level) and at_rim:
                 continue
             near = max(_RAIL, 4.0 * work.sigma)
             fault = "dead" if abs(level - _rest(work)) < near else "stuck"
@@ -296,6 +300,13 @@ def not_moving(work: WorkingCopy) -> Iterator[Suspect]:
             misfit = float(np.abs(values - expected).mean())
             suspect = work.suspect(fault, [strip], evidence, numbers, misfit, name if not end else None)
             yield replace(suspect, doubtful=rests)
+
+
+def _others_rest(values: FloatArray, strip: int, still: float) -> bool:
+    """Whether two strips or more, no neighbours of this one, keep their readings (places, strips): an object rests."""
+    beside = np.abs(np.arange(values.shape[1]) - strip) <= 1
+    often = (np.isfinite(values).mean(axis=0) >= _ALL_THE_TIME) & ~beside
+    return sum(_spread(v[np.isfinite(v)]) <= still for v in values[:, often].T) >= _RESTING
 
 
 def _rests(work: WorkingCopy, strip: int, still: float) -> bool:

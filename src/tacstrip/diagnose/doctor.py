@@ -11,7 +11,7 @@ from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.diagnose.channels import clipped, never_touched, not_moving, on_rails
 from tacstrip.diagnose.converter import common_ceiling, single_ceilings, stuck_bits, wrong_reference
 from tacstrip.diagnose.drift import Drifts, drift
-from tacstrip.diagnose.exchanged import swapped_ends, swapped_strips, swapped_wires, tied_wires
+from tacstrip.diagnose.exchanged import out_of_order, swapped_ends, swapped_strips, swapped_wires, tied_wires
 from tacstrip.diagnose.faults import FAULTS, Finding, Question, Report
 from tacstrip.diagnose.hum import hum
 from tacstrip.diagnose.intermittent import intermittent
@@ -228,14 +228,17 @@ def _examined(part: Log, kinds: Set[str] = FAULTS.keys(), sought: Set[_Place] = 
     # Strips that nothing touches count as touched:
     at_rest = rest_hint(sensor, _touched_readings(part))
     comes_and_goes = geometric and not pressed and not at_rest and "intermittent" in kinds
+    as_read = replace(work, k={name: v.copy() for name, v in work.k.items()}, there=work.there.copy())
     loose, doubted = _comes_and_goes(work) if comes_and_goes else ([], [])
+    if (loose or doubted) and any(out_of_order(places(as_read))):
+        work = as_read  # strips in each other's places come and go at a contact's ends
     rows = places(work)
     tests = [] if pressed else list(_TESTS) if geometric else [never_touched, swapped_wires]
     tests = [t for t in tests if kinds & _TESTS[t] and not (ceiling and t is clipped)]
     named = _remove_dominant(rows, tests, {s for s in sought if any(s[0] in _TESTS[t] for t in tests)})
-    doubted += [
-        Question(s.finding.strips, (s.finding.fault,), s.finding.evidence) for s in named if s.doubtful
-    ]
+    for s in (s for s in named if s.doubtful):  # a strip that is open in some places may be so at some times
+        causes = (s.finding.fault, *["intermittent"] * (s.finding.fault == "open-strip"))
+        doubted.append(Question(s.finding.strips, causes, s.finding.evidence))
     named = [s for s in named if not s.doubtful]
     # Strips in the wrong order have a gap at a contact's end, and so do, by them, those beside.
     exchanged = {i for s in named if s.finding.fault == "swapped-strips" for i in s.finding.strips}

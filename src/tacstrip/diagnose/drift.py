@@ -48,7 +48,7 @@ _GAIN_ASKED, _OUTSTANDING_ASKED, _CERTAIN_ASKED = 100.0, 1.4, 2.4
 _GAIN_FAR_OUT, _FAR_OUT = 60.0, 3.0  # asked, whatever looks say: they are few
 _GAIN_OF_LINE_ASKED, _OUTSTANDING_LINE_ASKED, _CERTAIN_OF_LINE_ASKED = 50.0, 2.5, 1.0
 # Against one rigid outline under all strips, which holds the shape: what of it is left is far less than of bends.
-_FITS_LOOSELY, _FITS = 3.0, 1.7  # times the noise that a rigid outline leaves at the most, on a smooth path
+_FITS_LOOSELY, _FITS = 5.0, 1.7  # times the noise that a rigid outline leaves at the most, on a smooth path
 _QUARTERS = 4  # of the recording
 _BEYOND, _BEYOND_LINE = (120.0, 2.6, 0.003), (50.0, 3.5, 0.004)  # gain, times the next strip's, over Vref
 _MOST_SEEN = 0.8  # of the strips: parts that no contact joins are outlines of their own
@@ -235,9 +235,15 @@ def _levels_at_rest(
         # A stray block is not a change.
         there = np.flatnonzero(np.isfinite(own[:, place]))
         if len(there) >= _LOOKS and np.ptp(_MIDDLE[there[1:-1]]) >= _SPAN:
-            out[there, order[place]] = median_filter(own[there, place], 3, mode="constant")
-            out[there[[0, -1]], order[place]] = np.nan  # which the filter pads
+            out[:, order[place]] = _without_strays(own[:, place])
     return out, float(np.median(shared)) if shared else np.nan, rests, np.stack(untouched), noise
+
+
+def _without_strays(level: FloatArray) -> FloatArray:
+    """Return levels (blocks,) as medians of three that follow each other, NaN at both ends."""
+    out, there = np.full_like(level, np.nan), np.flatnonzero(np.isfinite(level))
+    out[there[1:-1]] = median_filter(level[there], 3, mode="constant")[1:-1]
+    return out
 
 
 def _block_medians(
@@ -290,23 +296,25 @@ def _outstanding_at_rest(
         # Where a contact reads as rest, the neighbours' levels move with the strip's: with its course without strays,
         # and, as a wander may be that contact's own course, with all that was read, too.
         near = [(v[:, at], v[:, j]) for v in every for j in _around(at, len(order))]
-        shared = max((_goes_with(level[:, i], other) for _, other in near), default=0.0)
+        shared = max((_goes_with(level[:, i], _without_strays(other)) for _, other in near), default=0.0)
         with_strays = max((_goes_with(own, other) for own, other in near), default=0.0)
         if len(others) < 2 or max(shared, 0.0, *size[beside]) > 0.5 * size[row]:
             continue
-        usual = max(float(np.median(others)) * _TIMES, float(np.quantile(others, 0.9)) * _TIMES / 2.0)
+        # A line is held against others' lines: what blocks of time err by has little of one.
+        usual, usual_line = (
+            max(float(np.median(v)) * _TIMES, float(np.quantile(v, 0.9)) * _TIMES / 2.0)
+            for v in (others, np.delete(np.abs(line[:, 0]), [row, *beside]))
+        )
         change, straight = line[row]
         levels = float(np.isfinite(level[:, i]).sum())
-        if size[row] <= usual:
-            continue
-        least = max(_DRIFT, _BEYOND_NOISE * _slope_sigma(level[:, i], noise[:, i]))
+        least = max(_DRIFT, usual_line, _BEYOND_NOISE * _slope_sigma(level[:, i], noise[:, i]))
         if straight > _STRAIGHT and abs(change) > least:
             evidence = f"moved by {100 * change:+.3g} % of Vref from start to end, untouched, the others by "
             evidence += f"{100 * float(np.median(np.abs(np.delete(line[:, 0], row)))):.2g} %"
             yield Finding("drift", (i,), evidence, {"change": float(change), "levels_at_rest": levels})
         elif (
             straight <= _STRAIGHT
-            and size[row] > _WANDER
+            and size[row] > max(_WANDER, usual)
             and with_strays <= 0.5 * size[row]
             and _slow(level[:, i])
             and _lasting(level[:, i]) > usual

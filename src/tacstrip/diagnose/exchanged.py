@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Sequence, Set
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import combinations
 
 import numpy as np
 
-from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.diagnose.neighbour_pairs import NeighbourPair, neighbour_pair
 from tacstrip.diagnose.neighbour_prediction import Suspect, WorkingCopy, neighbour_residuals
 from tacstrip.diagnose.regression import correlation, most_of, moved_to_and_fro, passes
@@ -41,8 +41,13 @@ _UNUSUAL = 2.0  # times the median misfit of all pairs
 _AWAY = 0.2  # of a strip's places: it is touched away from the contact
 _ELSEWHERE = 0.06  # over Vref: a strip this far off what its neighbours expect may be another
 _CURVED = 2.0  # times the median strip's: what curved signatures leave at the most
-_LEAVES = 0.2  # of what all strips are off, with two exchanged
-_APART = 0.1  # of that, which any other pair leaves beyond it
+_LEAVES = 0.35  # of what these strips and the next ones are off, in the right order
+_ALIKE = 0.15  # over Vref: what neighbours differ by at the most
+_COMPARED, _LONGEST = 300, 3  # places; strips in each other's places
+_CLEARLY, _WORSE = (
+    0.01,
+    0.6,
+)  # over Vref, by which an order is better in a footprint; times these, where it is worse
 _ONE_CONTACT = 0.3  # over Vref: neighbours further apart are not under one contact
 
 
@@ -238,7 +243,7 @@ def swapped_strips(work: WorkingCopy) -> Iterator[Suspect]:
 
     The latter by the edges of contacts and by the slope of signatures across them.
     """
-    yield from _exchanged_apart(work)
+    yield from out_of_order(work)
     slopes = {
         i: _Slope([p for v in work.k.values() if (p := neighbour_pair(v, i))], work.sigma)
         for i in range(work.strips - 1)
@@ -332,45 +337,100 @@ def _exchange(work: WorkingCopy, one: int, other: int) -> None:
     work.order[[one, other]] = work.order[[other, one]]
 
 
-def _exchanged_apart(work: WorkingCopy) -> Iterator[Suspect]:
-    """Find two strips, not neighbours, that read what the neighbours of the other expect.
+def out_of_order(work: WorkingCopy) -> Iterator[Suspect]:
+    """Find two strips, or three, that are in each other's places: in the right order neighbours are most alike.
 
-    Of all such pairs the one whose exchange leaves least on all strips: others mirror the strips between the two.
+    Only where a strip disagrees with its neighbours, and all strips agree in the order found.
     """
-    was, edges = _misfits(work), (0, work.strips - 1)
-    off = {i: _misfits_there(work, i) for i in np.flatnonzero(was > _ELSEWHERE).tolist() if i not in edges}
-    if not off:
+    was = _misfits(work)
+    if not (was[1:-1] > _ELSEWHERE).any():
         return
-    tries: list[tuple[FloatArray, tuple[int, int]]] = []
-    for one, other in combinations(sorted({*off, *edges}), 2):
-        if (
-            other - one < 2
-            or not {one, other} & off.keys()
-            or any(i in off and off[i][j] >= off[i][i] for i, j in ((one, other), (other, one)))
-        ):
-            continue
-        parts = {name: values.copy() for name, values in work.k.items()}
-        tried = replace(work, k=parts, there=work.there.copy(), order=work.order.copy())
-        _exchange(tried, one, other)
-        tries.append((_misfits(tried), (one, other)))
-    if not tries:
+    order = _most_alike(work, set(np.flatnonzero(was > _ELSEWHERE).tolist()))
+    tried = replace(work, k=dict(work.k), there=work.there, order=work.order)
+    _arrange(tried, order)
+    now = _misfits(tried)
+    moved = order != np.arange(len(order))
+    known = [np.isfinite(tried.prediction(name)[0] + v).sum(axis=0) for name, v in tried.k.items()]
+    usual, around = _CURVED * float(np.median(now)), moved | _beside(moved)
+    before, after = (float(np.maximum(m[around] - usual, 0.0).sum()) for m in (was, now))
+    if not moved.any() or after > _LEAVES * before or np.max(known, axis=0)[moved].min() < _FEW:
         return
-    usual = _CURVED * min(float(np.median(misfits)) for misfits, _ in tries)
-    before, *after = (
-        float(np.maximum(m - usual, 0.0).sum()) for m in (was, *(misfits for misfits, _ in tries))
-    )
-    left = sorted((m / max(before, 1e-9), pair) for m, (_, pair) in zip(after, tries, strict=True))
-    if left[0][0] > _LEAVES:
+    # A contact that stays, and one between others, tells an order of its own.
+    _, footprint = np.unique(work.there, axis=0, return_inverse=True)
+    gain = np.bincount(footprint.ravel(), _unlike(work) - _unlike(tried)) / np.bincount(footprint.ravel())
+    better, worse = (int(np.count_nonzero(side > _CLEARLY)) for side in (gain, -gain))
+    if better < _FEW or worse > _WORSE * better:
         return
-    least, pair = left[0]
-    evidence = (
-        f"each reads what the neighbours of the other expect: exchanged, the two leave {100 * least:.2g} % of what all "
-        "strips are off their neighbours' lines"
-    )
-    repair = partial(_exchange, one=pair[0], other=pair[1])
-    explained = (1.0 - least) * float(was.sum())
-    suspect = work.suspect("swapped-strips", pair, evidence, {"left": least}, explained, repair=repair)
-    yield replace(suspect, doubtful=len(left) > 1 and left[1][0] < least + _APART)
+    share, cycles = after / max(before, 1e-9), list(_cycles(order))
+    for cycle in cycles if max(map(len, cycles)) <= _LONGEST else []:  # more: another object, another order
+        another = "the other" if len(cycle) == 2 else "another"
+        evidence = (
+            f"each reads what the neighbours of {another} expect: in the order in which neighbours are most alike, "
+            f"they leave {100 * share:.2g} % of what they and the next strips are off their neighbours' lines"
+        )
+        only = np.arange(len(order))
+        only[cycle] = order[cycle]
+        repair = partial(_arrange, order=only)
+        explained = (1.0 - share) * float(was.sum())
+        yield work.suspect("swapped-strips", cycle, evidence, {"left": share}, explained, repair=repair)
+
+
+def _unlike(work: WorkingCopy) -> FloatArray:
+    """Return what neighbours' readings differ by, as in `_most_alike`, over strips and signatures (places,)."""
+    one = work.there[:, 1:] != work.there[:, :-1]
+    each = [np.minimum(np.abs(np.diff(values, axis=1)), _ALIKE) for values in work.k.values()]
+    return np.asarray(np.sum([np.where(one, _ALIKE, np.nan_to_num(off)) for off in each], axis=(0, 2)))
+
+
+def _beside(there: BoolArray) -> BoolArray:
+    """Return which strips (strips,) are next to one of these."""
+    padded = np.pad(there, 1)
+    return np.asarray(padded[:-2] | padded[2:])
+
+
+def _cycles(order: IntArray) -> Iterator[list[int]]:
+    """Yield the places that exchange their strips in a new order (strips,)."""
+    left = set(np.flatnonzero(order != np.arange(len(order))).tolist())
+    while left:
+        cycle = [min(left)]
+        while (after := int(order[cycle[-1]])) != cycle[0]:
+            cycle.append(after)
+        left -= set(cycle)
+        yield cycle
+
+
+def _most_alike(work: WorkingCopy, astray: Set[int]) -> IntArray:
+    """Return the order of the strips (strips,) in which the readings of neighbours differ least, over all places.
+
+    Where one of two strips is touched, and the other not, they differ by `_ALIKE`. Source: local search for the
+    shortest path through all strips, from the order at hand, by exchanges of two places, and moves from one to another,
+    of which one at least is `astray`.
+    """
+    n, some = work.strips, np.linspace(0, len(work.there) - 1, min(len(work.there), _COMPARED)).astype(int)
+    apart, there = np.zeros((n, n)), work.there[some]
+    for values in (one[some] for one in work.k.values()):
+        for i in range(n):
+            off = np.minimum(np.abs(values - values[:, [i]]), _ALIKE)
+            apart[i] += np.where(there != there[:, [i]], _ALIKE, np.nan_to_num(off)).sum(axis=0)
+    order = np.arange(n)
+    pairs = [pair for pair in combinations(range(n), 2) if astray & set(pair)]
+    steps = np.tile(order, (3 * len(pairs) + 1, 1))  # the last changes nothing
+    for move, (i, j) in enumerate(pairs):
+        exchange, up, down = steps[3 * move : 3 * move + 3]
+        exchange[[i, j]] = j, i
+        up[i:j], up[j] = order[i + 1 : j + 1], i
+        down[i + 1 : j + 1], down[i] = order[i:j], j
+    while True:
+        tried = order[steps]
+        length = apart[tried[:, :-1], tried[:, 1:]].sum(axis=1)
+        if length.min() >= length[-1]:
+            return order
+        order = tried[int(np.argmin(length))]
+
+
+def _arrange(work: WorkingCopy, order: IntArray) -> None:
+    work.k = {name: np.ascontiguousarray(values[:, order]) for name, values in work.k.items()}
+    work.there, work.order = np.ascontiguousarray(work.there[:, order]), work.order[order]
 
 
 def _misfits(work: WorkingCopy) -> FloatArray:
@@ -387,17 +447,6 @@ def _misfits(work: WorkingCopy) -> FloatArray:
         count = over.sum(axis=0)
         mean = (over * np.minimum(off, _ONE_CONTACT)).sum(axis=0) / np.maximum(count, 1)
         total += np.where(count >= _FEW, mean, 0.0) / len(work.k)
-    return total
-
-
-def _misfits_there(work: WorkingCopy, strip: int) -> FloatArray:
-    """Return how far all strips' readings lie from what the neighbours of one, inside, expect, likewise (strips,)."""
-    total = np.zeros(work.strips)
-    for name, values in work.k.items():
-        e, both, gap = work.prediction(name)
-        over = both[:, strip] & (gap[:, strip] < _ONE_CONTACT)
-        off = np.nan_to_num(np.abs(values[over] - e[over, strip, None]), nan=_ONE_CONTACT)
-        total += np.minimum(off, _ONE_CONTACT).sum(axis=0) / max(int(over.sum()), 1)
     return total
 
 

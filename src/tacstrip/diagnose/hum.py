@@ -15,6 +15,7 @@ MAINS = (50.0, 60.0)  # Hz
 _LINE, _LINE_ONCE = 14.0, 20.0  # times the power at nearby frequencies: a line, not noise; of one segment
 _LINE_ALONE = 100.0  # times, on some strips only: jumps of a contact's ends make 60 on a sound strip
 _LINE_APART, _APART = 20.0, 6.0  # times, and times any other strip's: jumps of a contact are on several
+_LINE_WIDE, _LOUDER = 8.0, 4.0  # times the power near it, and times the amplitude on any other strip
 _OTHERS = 2  # strips read as long: of one, or two at a contact's rim, jumps may be on no other
 _HALF = 4.0  # times, in each half of the recording: a few jumps are no line
 _HUM = 0.0015  # over Vref: amplitude below which hum does not matter
@@ -47,15 +48,14 @@ def hum(log: Log, sigma: float) -> tuple[list[Finding], str]:
         _line(log, mains, period, np.linspace(0, len(log.time_s), segments + 1).astype(int))
         for mains in MAINS
     ]
-    if not any(count.any() for _, count in lines):
-        names = " and ".join(f"{m:g}" for m in MAINS)
-        rate = f"{1.0 / period:.4g} a second"
-        return [], f"hum at {names} Hz: scans come too seldom, at {rate}, or the contacts are too short"
-    return list(
-        _mains_lines(
-            [power for power, _ in lines], [count for _, count in lines], sigma, log.sensor.kind.closed_form
-        )
-    ), ""
+    hidden = [f"{mains:g}" for mains, (_, count) in zip(MAINS, lines, strict=True) if not count.any()]
+    rate = f"{1.0 / period:.4g} scans a second"
+    unchecked = f"hum at {' and '.join(hidden)} Hz: not to be told at {rate}, or the contacts are too short"
+    if len(hidden) == len(MAINS):
+        return [], unchecked
+    power, counts = ([line[part] for line in lines] for part in (0, 1))
+    found = list(_mains_lines(power, counts, sigma, log.sensor.kind.closed_form))
+    return found, unchecked if hidden and not found else ""
 
 
 def _line(log: Log, mains: float, period: float, edges: IntArray) -> tuple[FloatArray, FloatArray]:
@@ -164,12 +164,17 @@ def _mains_lines(
         yield Finding("hum", (), evidence, numbers)
         return
     ratio = np.where(weight > 0.0, ratio, 0.0)
-    next_loud = np.stack(
-        [np.delete(ratio, i, axis=1).max(axis=1, initial=0.0) for i in range(ratio.shape[1])], axis=1
+    amplitude = np.where(weight > 0.0, amplitude, 0.0)
+    next_loud, next_amplitude = (
+        np.stack([np.delete(v, i, axis=1).max(axis=1, initial=0.0) for i in range(v.shape[1])], axis=1)
+        for v in (ratio, amplitude)
     )
-    outstanding = ~once & (ratio > np.maximum(_LINE_APART, _APART * next_loud)) & (amplitude > sigma)
+    outstanding = ~once & lasting & (ratio > _APART * next_loud) & (amplitude > max(_HUM, sigma))
     outstanding &= (weight > 0.0).sum(axis=1, keepdims=True) > _OTHERS
-    loud &= (amplitude > 0.5 * sigma) & ((ratio > _LINE_ALONE) | (apart & outstanding))
+    # Short visits widen a line: it stands out of what is near it by less, and of other strips as much.
+    outstanding &= (ratio > _LINE_APART) | ((ratio > _LINE_WIDE) & (amplitude > _LOUDER * next_amplitude))
+    loud &= (amplitude > 0.5 * sigma) & (ratio > _LINE_ALONE)
+    loud |= apart & outstanding
     for strip in np.flatnonzero(loud.any(axis=0)):
         j = int(np.argmax(np.where(loud[:, strip], ratio[:, strip], 0.0)))
         size, times = amplitude[j, strip], ratio[j, strip]

@@ -61,9 +61,10 @@ def intermittent(work: WorkingCopy) -> tuple[list[Finding], list[Question]]:
     lines = [work.prediction(name)[0] for name in work.k]
     lasting = _never_good(work)
     jumps[:, lasting] = 0
-    findings = list(_often(work, lasting))
-    named = {i for f in findings for i in f.strips}
-    asked: list[Question] = []
+    told = list(_often(work, lasting))
+    findings = [f for f, certain in told if certain]
+    named = {i for f, _ in told for i in f.strips}
+    asked = [Question(f.strips, ("intermittent",), f.evidence) for f, certain in told if not certain]
     often = (jumps >= _JUMPS).any(axis=0) & ~np.isin(work.order, list(named))
     if often.sum() > _MOST_ASKED:  # a finger that hardly touches comes and goes on many strips
         jumps[:, often] = 0
@@ -164,8 +165,8 @@ def _never_good(work: WorkingCopy) -> BoolArray:
     return np.asarray(on_rail.any(axis=0) | work.touched_without_contact())
 
 
-def _often(work: WorkingCopy, lasting: BoolArray) -> Iterator[Finding]:
-    """Yield channels that drop out in many scans; those of strips that are `lasting` do not."""
+def _often(work: WorkingCopy, lasting: BoolArray) -> Iterator[tuple[Finding, bool]]:
+    """Yield channels that drop out in many scans, and whether often enough; strips that are `lasting` do not."""
     rest = (work.sensor.rest_volt or 0.0) / work.sensor.vref_volt
     touch = (
         (work.sensor.touch_volt or 0.0) / work.sensor.vref_volt
@@ -225,14 +226,15 @@ def _often(work: WorkingCopy, lasting: BoolArray) -> Iterator[Finding]:
         ]
         if not channels:
             continue
-        name, share, gaps, count, _ = max(channels, key=lambda c: c[1])
+        name, share, gaps, count, *_ = max(channels, key=lambda c: c[1])
         evidence = (
             f"drops out in {gaps} scans, {100 * share:.2g} % of those in which its neighbours stay under the contact, "
             f"and comes and goes {count} times"
         )
         numbers = {"share": share, "scans": float(gaps), "jumps": float(count)}
-        yield Finding("intermittent", (int(work.order[strip]),), evidence, numbers,
-                      name if len(channels) == 1 and len(work.k) == 2 else None)  # fmt: skip
+        signature = name if len(channels) == 1 and len(work.k) == 2 else None
+        finding = Finding("intermittent", (int(work.order[strip]),), evidence, numbers, signature)
+        yield finding, any(certain for *_, certain, _ in channels)
         for channel, *_, out in channels:
             work.k[channel][out[:, strip], strip] = np.nan
         work.there[gone[:, strip], strip] = True
@@ -260,18 +262,27 @@ class _Seen:
         out, good = self.out, self.good
         return np.asarray((same & ((out[1:] & good[:-1]) | (good[1:] & out[:-1]))).sum(axis=0))
 
-    def dropouts(self, values: FloatArray, gone: BoolArray, strip: int) -> tuple[float, int, int] | None:
-        """Return the share of dropouts, in how many scans, and the jumps of a loose channel; None of a sound one."""
+    def dropouts(
+        self, values: FloatArray, gone: BoolArray, strip: int
+    ) -> tuple[float, int, int, bool] | None:
+        """Return the share of dropouts, in how many scans, the jumps of a loose channel, whether they are many.
+
+        None of a sound one.
+        """
         out, good, read = self.out[:, strip], self.good[:, strip], values[:, strip]
         gaps, under = int(out.sum()), int((good & np.isfinite(read)).sum())
         share = gaps / max(gaps + int(good.sum()), 1)
         usual = np.sort(self.jumps)[-4] if len(self.jumps) > 4 else 0.0
         least = _JUMPS_SILENT if (out & self.silent[:, strip]).sum() > 0.5 * gaps else _JUMPS
         clear = self.expected[self.clear[:, strip], strip]  # rare jumps: one or two passes over a strip
-        few = len(clear) < _MANY_CLEAR or np.ptp(clear) < _MOVES
-        few &= self.jumps[strip] < max(least, _OTHERS * usual + 1)
-        if min(under, gaps) < _FEWEST or few or not _LEAST < share < _MOST:
+        many = self.jumps[strip] >= max(least, _OTHERS * usual + 1)
+        if (
+            min(under, gaps) < _FEWEST
+            or not (many or len(clear) >= _MANY_CLEAR)
+            or not _LEAST < share < _MOST
+        ):
             return None
+        many |= len(clear) >= _MANY_CLEAR and np.ptp(clear) >= _MOVES
         read, line = np.where(gone[:, strip], np.nan, read), self.expected[:, strip]
         # Where the neighbours read as a free wire does, good readings prove nothing.
         levels = (read < 0.5, line > _FAR), (read >= 0.5, line < 1.0 - _FAR), (np.isnan(read), line > -1.0)
@@ -279,7 +290,7 @@ class _Seen:
             mixed_heights(line[out & side], line[good & apart])
             for side, apart in levels if (out & side).sum() >= _FEWEST
         ]  # fmt: skip
-        return (share, gaps, int(self.jumps[strip])) if mixed and all(mixed) else None
+        return (share, gaps, int(self.jumps[strip]), bool(many)) if mixed and all(mixed) else None
 
 
 def _gaps(work: WorkingCopy) -> BoolArray:
