@@ -10,13 +10,14 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.io.log_import.fields import number_of, says_nothing
-from tacstrip.io.log_import.names import READING_UNITS, TIME_UNITS, UNITS, Meaning, meaning, meanings, unit_in
+from tacstrip.io.log_import.names import READING_UNITS, TIME_UNITS, UNITS, Meaning, is_called_k, meaning, meanings, unit_in
+from tacstrip.io.log_import.periods import JOINED, ways_to_join
 from tacstrip.io.log_import.plausible import ROUGH, roughness
 from tacstrip.io.log_import.strays import filled_lines
 from tacstrip.io.log_import.table import BY_CONTENT, CLOCK, Table
@@ -29,17 +30,19 @@ _BEGUN = 4  # values and marks that a damaged row has in common with the others,
 _ABOVE = 4  # lines that may hold the names
 _LONG = 72  # characters of a line that are quoted
 _MOST_COLUMNS = 600
+_RESTARTS, _LONG_RUN = 3, 10  # times that a clock may begin anew; rows for each
 _BETWEEN_STRIPS = 2  # columns, at most, of something else
 
 
 @dataclass(frozen=True)
 class Column:
-    """What stands in one place of all rows: texts, their kind, numbers (NaN for none), and the word before it."""
+    """What stands in one place of all rows: texts, their kind, numbers (NaN for none), and the words before it."""
 
     texts: tuple[str, ...]
     kind: str
     numbers: FloatArray
     label: str
+    words: tuple[str, ...] = ()
 
     @property
     def said(self) -> Meaning:
@@ -69,9 +72,13 @@ class Column:
 
     @property
     def rises(self) -> bool:
-        """Whether it never falls, and is a number throughout."""
+        """Whether it never falls, but for a clock that begins anew, and is a number throughout."""
         steps = np.diff(self.numbers)
-        return bool(len(steps) and np.isfinite(self.numbers).all() and (steps >= 0.0).all() and steps.any())
+        if not len(steps) or not np.isfinite(self.numbers).all() or not steps.any():
+            return False
+        anew = np.flatnonzero(steps < 0.0)
+        few = len(anew) <= _RESTARTS and len(steps) > _LONG_RUN * len(anew)
+        return few and bool((self.numbers[anew + 1] <= np.quantile(self.numbers, 0.2)).all() and (steps > 0.0).any())
 
 
 @dataclass(frozen=True)
@@ -107,9 +114,11 @@ def of_content(text: str, strips: int, channels: int) -> Table | None:
     marks = [len(re.findall(rf"(?<![\w.,:])\d+{mark}\d+(?![\w.,])", text)) for mark in (r"\.", ",")]
     for decimal in (".", ",") if marks[1] > marks[0] else (".",):
         lines = in_pairs([parted(n, line, decimal) for n, line in there])
-        ways = [_best(rows, lines, dict(there), decimal, strips, channels) for rows in kinds_of_rows(lines)]
-        found += [way for way in ways if way is not None]
-    found.sort(key=lambda one: one[0])
+        for way in ways_to_join(lines):
+            told = [_best(rows, way, dict(there), decimal, strips, channels) for rows in kinds_of_rows(way)]
+            found += [one for one in told if one is not None]
+    most = max((int(np.isfinite(values).sum()) for _, values, _ in found), default=0)
+    found = sorted((f for f in found if np.isfinite(f[1]).sum() > _EXPLAINED * most), key=lambda one: one[0])
     if not found:
         return None
     rough, values, table = found[0]
@@ -149,7 +158,7 @@ def _best(
         or _are_numbers_of_columns(columns, one)
     ):
         return None
-    return rough, values, _table(columns, one, rows, texts, read, lost, decimal)
+    return rough, values, _table(columns, one, rows, texts, read, lost, decimal, values)
 
 
 def _columns(rows: list[Line], lines: list[Line], decimal: str) -> tuple[list[Column], set[int], set[int]]:
@@ -158,7 +167,7 @@ def _columns(rows: list[Line], lines: list[Line], decimal: str) -> tuple[list[Co
     And the lines of these, and those of them that no row follows.
     """
     columns = _of_places([r.form for r in rows], [r.texts for r in rows], decimal)
-    taken = {r.number for r in rows}
+    taken = {n for r in rows for n in (r.number, *r.others)}
     read: set[int] = set()
     lost: set[int] = set()  # labels without a row
     first, last = rows[0].number, rows[-1].number
@@ -192,18 +201,20 @@ def _columns(rows: list[Line], lines: list[Line], decimal: str) -> tuple[list[Co
 def _of_places(forms: Sequence[str], texts: Sequence[tuple[str, ...]], decimal: str) -> list[Column]:
     made: list[Column] = []
     label = ""
+    words: list[str] = []
     for place, symbol in enumerate(forms[0]):
         fields = tuple(t[place] for t in texts)
         if symbol == WORD:
             label = fields[0] if len({*fields}) == 1 else ""
             if label:
+                words += label.split()
                 continue
         if symbol not in (VALUE, TIME, WORD):
             continue
         fields = _in_decimals(fields) if symbol == VALUE else fields
         numbers = np.array([np.nan if (v := number_of(f, decimal)) is None else v for f in fields])
-        made.append(Column(fields, symbol, numbers, label))
-        label = ""
+        made.append(Column(fields, symbol, numbers, label, tuple(words)))
+        label, words = "", []
     return made
 
 
@@ -234,7 +245,7 @@ def _assignments(columns: list[Column], strips: int, channels: int) -> Iterator[
                 block = some[at : at + strips * size]
                 if size > channels and len(some) - len(block) > 2:
                     continue
-                yield from _of_block(block, strips, channels, size)
+                yield from (_by_labels(columns, one, strips) for one in _of_block(block, strips, channels, size))
     whiches = [
         n
         for n, c in enumerate(columns)
@@ -293,6 +304,22 @@ def _of_block(block: list[int], strips: int, channels: int, size: int) -> Iterat
                     for place, name in zip(order, names, strict=True)
                 )
             )
+
+
+def _by_labels(columns: list[Column], one: Assignment, strips: int) -> Assignment:
+    """Return an assignment with the strips that numbers before the columns give them, if these number all strips."""
+    labels: list[int] = []
+    last = -1
+    for n, *_ in sorted(one.readings):
+        between = [columns[c].numbers[0] for c in range(last + 1, n) if columns[c].is_constant and columns[c].is_numeric]
+        between = [v for v in between if v % 1.0 == 0.0]
+        labels.append(int(between[-1]) if between else labels[-1] if labels else -1)
+        last = n
+    told = {n: k for (n, *_), k in zip(sorted(one.readings), labels, strict=True)}
+    low = min(labels)
+    if {*labels} != {*range(low, low + strips)} or len({(told[n], c) for n, _, c in one.readings}) < len(labels):
+        return one
+    return replace(one, readings=tuple((n, told[n] - low, c) for n, _, c in one.readings))
 
 
 def _are_strips(column: Column, strips: int) -> bool:
@@ -417,12 +444,14 @@ def _table(
     read: set[int],
     lost: set[int],
     decimal: str,
+    values: FloatArray,
 ) -> Table:
     """Return the table of an assignment, with the time, and units that stand by the values or above them."""
     first = rows[0].number
     preamble = tuple(line for n, line in texts.items() if n < first)
     used = {n for n, *_ in one.readings} | {one.strip, one.which}
-    unit = _unit_above(preamble, READING_UNITS)
+    words = {w for n, *_ in one.readings for w in columns[n].words}
+    unit = _unit_above(preamble, READING_UNITS) or ("fraction" if any(map(is_called_k, words)) else "")
     made: dict[str, Sequence[str]] = {}
     labels = [n for n in range(len(columns)) if n not in used and not columns[n].is_constant]
     clocks = [n for n in labels if columns[n].kind == TIME]
@@ -455,7 +484,7 @@ def _table(
     for n, k, channel in one.readings:
         name = (channel or "reading") + ("" if k is None else f"_{k}")
         made[f"{name} [{unit}]" if unit else name] = columns[n].texts
-    taken = read | {r.number for r in rows}
+    taken = read | {n for r in rows for n in (r.number, *r.others)}
     broken = tuple(
         n
         for n, line in texts.items()
@@ -463,9 +492,11 @@ def _table(
         or (
             n not in taken
             and not (n < first and line.startswith("#"))
-            and _may_be_row(parted(n, line, decimal), rows[0].form)
+            and any(_may_be_row(parted(n, line, decimal), form) for form in rows[0].form.split(JOINED))
         )
     )
+    whole = one.strip is not None and one.which is None and len(rows) == len(values) * values.shape[1]
+    broken = tuple(n for n in broken if not whole)  # a line that is lost would leave a gap
     shown = texts[rows[0].number][:_LONG]
     told = f"line {rows[0].number} ({shown!r}) and those like it are read as {', '.join(made)}; {BY_CONTENT}"
     return Table(

@@ -363,6 +363,9 @@ def are_of_one_time(times: Sequence[object], keys: Sequence[tuple[object, object
     runs = [
         [key for _, key in run] for _, run in itertools.groupby(zip(times, keys, strict=True), lambda z: z[0])
     ]
+    cycle = keys[: len({*keys})]
+    if all(key == cycle[n % len(cycle)] for n, key in enumerate(keys)):
+        return False  # each strip comes in its turn, which tells a scan whatever the times are
     several = sum(len({strip for strip, _ in run}) > 1 for run in runs)
     return 2 * several > len(runs) and all(len({*run}) == len(run) for run in runs)
 

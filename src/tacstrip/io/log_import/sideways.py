@@ -47,5 +47,5 @@ def upright(text: str) -> str:
         names = [r[0] if not unit or _UNIT.search(r[0]) else f"{r[0]} [{unit[1]}]" for r in body]
         made = [[f"time [{units.pop()}]", *names]]
         made += [[time, *(r[k + 1] for r in body)] for k, time in enumerate(times)]
-        return "\n".join([*lines[:n], *(mark.join(fields) for fields in made)])
+        return "\n".join([*lines[:n], *(mark.join(fields) for fields in made), ""])
     return text
