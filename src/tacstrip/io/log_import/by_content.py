@@ -154,6 +154,7 @@ def _best(
     names = _names_above(rows[0], texts, columns)
     if (
         not _agrees(one, names)
+        or any({meaning(w).channel, end} == {"h", "l"} for n, _, end in one.readings for w in columns[n].words)
         or _others_like_readings(columns, one, names)
         or _are_numbers_of_columns(columns, one)
     ):

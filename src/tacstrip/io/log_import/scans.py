@@ -408,7 +408,7 @@ def _targets(table: Table, mapping: ColumnMapping) -> list[tuple[str, int, int, 
         for strip in sorted(listed):
             for end, channel in enumerate(("",) if mapping.which else channels):
                 if (strip, end) not in there:
-                    raise ReadingError(
+                    raise NoTableError(
                         f"no column is of{' channel ' + channel + ' of' if channel else ''} strip {strip + first}"
                     )
     return targets

@@ -36,7 +36,7 @@ def _pattern(decimal: str) -> re.Pattern[str]:
         rf"|(?P<value>{number}(?:\s?(?!S)(?i:{_UNITS})(?![\w]))?)"
         rf"|(?P<none>{_MARKS})"
         # A cross may stand between letters, as in "HxLx".
-        r"|(?P<word>[A-Z](?=x(?:[A-Z]x)*(?![^\W\d_]))|(?<=[A-Z])x(?![a-z])|[nN]/[aA](?!\w)|\b(?:[^\W\d_]\.){{2,}}|[^\W\d_]+)"
+        r"|(?P<word>[A-Z](?=(?:x|nan|NaN)(?:[A-Z](?:x|nan|NaN))*(?![^\W\d_]))|(?<=[A-Z])(?:x|nan|NaN)(?![a-z])|[nN]/[aA](?!\w)|\b(?:[^\W\d_]\.){2,}|[^\W\d_]+)"
         r"|(?P<other>\S)"
     )
 

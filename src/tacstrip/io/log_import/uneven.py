@@ -10,7 +10,7 @@ import numpy as np
 from tacstrip.io.log_import.fields import is_value, number_of, says_nothing
 from tacstrip.io.log_import.names import meanings
 from tacstrip.io.log_import.separators import fields_of
-from tacstrip.io.log_import.table import NoTableError
+from tacstrip.io.log_import.table import ContradictionError
 
 _REMARK_NAMES = (
     r"notes?|remarks?|comments?|labels?|events?|bemerkung(?:en)?|notizen?|kommentare?|remarques?|notas?"
@@ -91,7 +91,7 @@ def under_first_names(
 
     Raises
     ------
-    NoTableError
+    ContradictionError
         It names others.
     """
     heads = [(i, row) for i, row in sorted([*split, *named]) if len(row) == width and names_columns(row)]
@@ -103,7 +103,7 @@ def under_first_names(
     names, (line, new) = above[-1], others[0]
     for i, row in others:
         if sorted(row) != sorted(names) or len({*names}) < width:
-            raise NoTableError(
+            raise ContradictionError(
                 f"line {i} names the columns {', '.join(row)}, and the first names are {', '.join(names)}: two "
                 "tables in one log; save them as two files"
             )
