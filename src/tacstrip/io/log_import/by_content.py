@@ -19,7 +19,7 @@ from tacstrip.io.log_import.fields import number_of, says_nothing
 from tacstrip.io.log_import.names import READING_UNITS, TIME_UNITS, UNITS, Meaning, is_called_k, meaning, meanings, unit_in
 from tacstrip.io.log_import.periods import JOINED, ways_to_join
 from tacstrip.io.log_import.plausible import ROUGH, roughness
-from tacstrip.io.log_import.strays import filled_lines
+from tacstrip.io.log_import.strays import numbered
 from tacstrip.io.log_import.table import BY_CONTENT, CLOCK, Table
 from tacstrip.io.log_import.tokens import TIME, VALUE, WORD, Line, in_pairs, kinds_of_rows, parted
 
@@ -109,7 +109,7 @@ def of_content(text: str, strips: int, channels: int) -> Table | None:
     >>> of_content(log, 4, 2).names
     ('time [s]', 'h_0', 'l_0', 'h_1', 'l_1', 'h_2', 'l_2', 'h_3', 'l_3')
     """
-    there = filled_lines(text)
+    there = [(n, line.strip(" \r")) for n, line in numbered(text) if line.strip()]  # an empty field may stand last
     found: list[tuple[float, FloatArray, Table]] = []
     marks = [len(re.findall(rf"(?<![\w.,:])\d+{mark}\d+(?![\w.,])", text)) for mark in (r"\.", ",")]
     for decimal in (".", ",") if marks[1] > marks[0] else (".",):
@@ -133,10 +133,11 @@ def _best(
     columns, read, lost = _columns(rows, lines, decimal)
     if not columns or len(columns) > _MOST_COLUMNS:
         return None
+    names = _names_above(rows[0], texts, columns)
     tried: list[tuple[float, Assignment, FloatArray]] = []
     for one in _assignments(columns, strips, channels):
         values = _values(columns, one, strips, channels)
-        if values is None or len(values) < _FEW_SCANS:
+        if values is None or len(values) < _FEW_SCANS or not _agrees(one, names):
             continue
         rough = roughness(values)
         if (
@@ -151,10 +152,8 @@ def _best(
     if not tried or (len(tried) > 1 and tried[1][0] < _FAR_OFF * tried[0][0]):
         return None
     rough, one, values = tried[0]
-    names = _names_above(rows[0], texts, columns)
     if (
-        not _agrees(one, names)
-        or any({meaning(w).channel, end} == {"h", "l"} for n, _, end in one.readings for w in columns[n].words)
+        any({meaning(w).channel, end} == {"h", "l"} for n, _, end in one.readings for w in columns[n].words)
         or _others_like_readings(columns, one, names)
         or _are_numbers_of_columns(columns, one)
     ):
@@ -233,6 +232,8 @@ def _assignments(columns: list[Column], strips: int, channels: int) -> Iterator[
         if c.is_numeric and not c.counts and c.said.role not in ("time", "scan", "strip")
     ]
     often = {t for n in numeric if not columns[n].is_constant for t in columns[n].texts}
+    if any(t and says_nothing(t) for t in often):  # what is empty throughout is then no untouched strip
+        numeric = [n for n in numeric if any(columns[n].texts)]
     # A number that never changes is a label, unless it is what others have where nothing touches.
     plain = [
         n
@@ -397,10 +398,13 @@ def _names_above(first: Line, texts: dict[int, str], columns: list[Column]) -> l
 
 def _agrees(one: Assignment, names: list[str]) -> bool:
     """Return whether names contradict no strip and no end that an assignment gives their columns."""
-    if not names or len({*names}) < len(names):
+    if not names:
         return True
-    found = [*meanings(names).values()]
-    numbers = {s - k for n, k, _ in one.readings if k is not None and (s := found[n].strip) is not None}
+    found = [meaning(name) for name in names]
+    told = {n: m.strip for n, m in enumerate(found) if m.strip is not None}
+    if len(told) >= len({n for n, *_ in one.readings}) and any(n not in told for n, *_ in one.readings):
+        return False
+    numbers = {told[n] - k for n, k, _ in one.readings if k is not None and n in told}
     ends = {
         (channel, found[n].channel) for n, _, channel in one.readings if found[n].channel in ("h", "l", "out")
     }
@@ -513,7 +517,8 @@ def _may_be_row(line: Line, form: str) -> bool:
         (n for n, (a, b) in enumerate(zip(line.form, form, strict=False)) if a != b),
         min(len(line.form), len(form)),
     )
-    many, usual = line.form.count(VALUE), form.count(VALUE)
+    many = sum(symbol == VALUE and text != "" for symbol, text in zip(line.form, line.texts, strict=True))
+    usual = form.count(VALUE)
     begun = alike > min(_BEGUN, len(form) - 1) and VALUE in line.form[:alike]
     words = max(form.count(WORD), many // 2)  # a hexadecimal number may come apart into numbers and letters
     return many > 0 and (begun or (2 * many > usual and line.form.count(WORD) <= words))

@@ -168,13 +168,10 @@ def with_marks(lines: Sequence[Line]) -> list[Line]:
         alike.setdefault(line.form.replace(WORD, VALUE), []).append(line)
     often: Counter[str] = Counter()
     for group in alike.values():
-        for symbols, texts in zip(
-            zip(*(g.form for g in group), strict=True),
-            zip(*(g.texts for g in group), strict=True),
-            strict=True,
-        ):
-            if {*symbols} == {WORD, VALUE}:
-                often.update(text for symbol, text in zip(symbols, texts, strict=True) if symbol == WORD)
+        mixed = [{*symbols} == {WORD, VALUE} for symbols in zip(*(g.form for g in group), strict=True)]
+        for g in group:  # a line of units or names has its words in no other
+            places = zip(g.form, g.texts, mixed, strict=True)
+            often.update({text for symbol, text, so in places if so and symbol == WORD})
     marks = {text for text, many in often.items() if many >= _FEW}
     return [
         replace(
@@ -194,7 +191,7 @@ def _as_of(line: Line, form: str) -> Line | None:
         return line
     if line.form.startswith(form) and WORD in line.form[len(form) :] and VALUE not in line.form[len(form) :]:
         return replace(line, form=form, texts=line.texts[: len(form)])
-    if len(line.form) != len(form):
+    if len(line.form) != len(form) or not {VALUE, TIME} & {*line.form}:  # units or names below each other
         return None
     unlike = [(a, b) for a, b in zip(line.form, form, strict=True) if a != b]
     alike = sum(a == b != WORD for a, b in zip(line.form, form, strict=True))
