@@ -16,7 +16,15 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.io.log_import.fields import number_of, says_nothing
-from tacstrip.io.log_import.names import READING_UNITS, TIME_UNITS, UNITS, Meaning, is_called_k, meaning, meanings, unit_in
+from tacstrip.io.log_import.names import (
+    READING_UNITS,
+    TIME_UNITS,
+    UNITS,
+    Meaning,
+    is_called_k,
+    meaning,
+    unit_in,
+)
 from tacstrip.io.log_import.periods import JOINED, ways_to_join
 from tacstrip.io.log_import.plausible import ROUGH, roughness
 from tacstrip.io.log_import.strays import numbered
@@ -78,7 +86,9 @@ class Column:
             return False
         anew = np.flatnonzero(steps < 0.0)
         few = len(anew) <= _RESTARTS and len(steps) > _LONG_RUN * len(anew)
-        return few and bool((self.numbers[anew + 1] <= np.quantile(self.numbers, 0.2)).all() and (steps > 0.0).any())
+        return few and bool(
+            (self.numbers[anew + 1] <= np.quantile(self.numbers, 0.2)).all() and (steps > 0.0).any()
+        )
 
 
 @dataclass(frozen=True)
@@ -109,7 +119,9 @@ def of_content(text: str, strips: int, channels: int) -> Table | None:
     >>> of_content(log, 4, 2).names
     ('time [s]', 'h_0', 'l_0', 'h_1', 'l_1', 'h_2', 'l_2', 'h_3', 'l_3')
     """
-    there = [(n, line.strip(" \r")) for n, line in numbered(text) if line.strip()]  # an empty field may stand last
+    there = [
+        (n, line.strip(" \r")) for n, line in numbered(text) if line.strip()
+    ]  # an empty field may stand last
     found: list[tuple[float, FloatArray, Table]] = []
     marks = [len(re.findall(rf"(?<![\w.,:])\d+{mark}\d+(?![\w.,])", text)) for mark in (r"\.", ",")]
     for decimal in (".", ",") if marks[1] > marks[0] else (".",):
@@ -247,7 +259,9 @@ def _assignments(columns: list[Column], strips: int, channels: int) -> Iterator[
                 block = some[at : at + strips * size]
                 if size > channels and len(some) - len(block) > 2:
                     continue
-                yield from (_by_labels(columns, one, strips) for one in _of_block(block, strips, channels, size))
+                yield from (
+                    _by_labels(columns, one, strips) for one in _of_block(block, strips, channels, size)
+                )
     whiches = [
         n
         for n, c in enumerate(columns)
@@ -313,13 +327,19 @@ def _by_labels(columns: list[Column], one: Assignment, strips: int) -> Assignmen
     labels: list[int] = []
     last = -1
     for n, *_ in sorted(one.readings):
-        between = [columns[c].numbers[0] for c in range(last + 1, n) if columns[c].is_constant and columns[c].is_numeric]
+        between = [
+            columns[c].numbers[0]
+            for c in range(last + 1, n)
+            if columns[c].is_constant and columns[c].is_numeric
+        ]
         between = [v for v in between if v % 1.0 == 0.0]
         labels.append(int(between[-1]) if between else labels[-1] if labels else -1)
         last = n
     told = {n: k for (n, *_), k in zip(sorted(one.readings), labels, strict=True)}
     low = min(labels)
-    if {*labels} != {*range(low, low + strips)} or len({(told[n], c) for n, _, c in one.readings}) < len(labels):
+    if {*labels} != {*range(low, low + strips)} or len({(told[n], c) for n, _, c in one.readings}) < len(
+        labels
+    ):
         return one
     return replace(one, readings=tuple((n, told[n] - low, c) for n, _, c in one.readings))
 

@@ -77,8 +77,9 @@ def of_values(
     varied = touched_vary(records) > 1 and all(all(r.values()) for r in records)
     remarks = [f"{len(empty)} scan(s) with an empty list: nothing touches in them"] if empty else []
     table = of_records(records, lines, ".", told, *remarks)
-    names = _described(table.names, above)
-    return replace(table, names=names, preamble=above, varied=varied, empty=frozenset(empty))
+    return replace(
+        table, names=_described(table.names, above), preamble=above, varied=varied, empty=frozenset(empty)
+    )
 
 
 def _described(names: tuple[str, ...], above: Sequence[str]) -> tuple[str, ...]:

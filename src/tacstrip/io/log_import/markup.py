@@ -31,7 +31,9 @@ def plain_rows(text: str) -> str:
     if re.search(r"<tr\b.*</t[dh]>", text, re.IGNORECASE | re.DOTALL):
         rows = re.findall(r"<tr\b.*?>(.*?)</tr>", text, re.IGNORECASE | re.DOTALL)
         cells = _spread(rows)
-    elif len(re.findall(_LATEX, text)) == 1 and (inner := re.search(rf"{_LATEX}(.*)\\end\{{", text, re.DOTALL)):
+    elif len(re.findall(_LATEX, text)) == 1 and (
+        inner := re.search(rf"{_LATEX}(.*)\\end\{{", text, re.DOTALL)
+    ):
         body = re.sub(r"\A(?:\[.*?\])?\s*\{[^{}]*\}", "", inner[1])
         body = re.sub(r"\\(?:top|mid|bottom|h|c)(?:rule|line)(?:\{[^}]*\})?|(?<!\\)%.*", "", body)
         rows = [re.sub(r"\\(?:text|math)\w*\{([^}]*)\}|[${}]", r"\1", row) for row in body.split(r"\\")]

@@ -103,7 +103,12 @@ def settle_words(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
         return
     idle = np.isnan(values)
     doubtful = any("?" in w for w in mapping.untouched) and roughness(values) is None
-    if values.shape[2] == 2 and (idle[:, :, 0] == idle[:, :, 1]).all() and idle.mean() > _MANY and not doubtful:
+    if (
+        values.shape[2] == 2
+        and (idle[:, :, 0] == idle[:, :, 1]).all()
+        and idle.mean() > _MANY
+        and not doubtful
+    ):
         clues.because(f"{word}: no contact, for both channels of a strip have it at once, and none alone")
         return
     words = [w for w in mapping.untouched if _OVER_RANGE.fullmatch(w)]

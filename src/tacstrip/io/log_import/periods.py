@@ -34,7 +34,8 @@ def ways_to_join(lines: Sequence[Line]) -> Iterator[list[Line]]:
 
 def _join(parts: Sequence[Line]) -> Line:
     """Return one line for several; where a bracket is open, the comma at a line's end separates what follows."""
-    form, texts = "", ()
+    form = ""
+    texts: tuple[str, ...] = ()
     for part in parts:
         if sum(map(form.count, "([{")) > sum(map(form.count, ")]}")) and texts[-1:] == ("",):
             form, texts = form[:-1], texts[:-1]
@@ -43,7 +44,7 @@ def _join(parts: Sequence[Line]) -> Line:
 
 
 def _in_cycles(lines: Sequence[Line]) -> list[Line] | None:
-    """Return lines with one in place of those from each head to the next, if these have nearly always the same forms."""
+    """Return lines with one in place of those from each head to the next, if they have nearly always the same forms."""
     keys = _keys(lines)
     many = Counter(keys)
     best: tuple[float, list[list[int]]] = (0.0, [])
@@ -52,8 +53,7 @@ def _in_cycles(lines: Sequence[Line]) -> list[Line] | None:
         often = {k for k in heads if many[k] >= _OFTEN * many[head]}
         at = [n for n, k in enumerate(keys) if k == head]
         groups = [
-            [n for n in range(a, b) if keys[n] in often]
-            for a, b in itertools.pairwise([*at, len(lines)])
+            [n for n in range(a, b) if keys[n] in often] for a, b in itertools.pairwise([*at, len(lines)])
         ]
         kinds = Counter(tuple(keys[n] for n in g) for g in groups)
         kind, alike = kinds.most_common(1)[0]
@@ -88,9 +88,13 @@ def _keys(lines: Sequence[Line]) -> list[str]:
         for place, symbol in enumerate(lines[at[0]].form):
             texts = [lines[n].texts[place] for n in at]
             period = next((p for p in range(1, many // _FEW + 1) if texts[p] == texts[0]), 0)
-            if symbol in (VALUE, TIME) and period > 1 and len({*texts[:period]}) == period == len({*texts}) \
-                    and texts[0] not in ("", *texts[1:period]) \
-                    and all(a == b for a, b in zip(texts, texts[period:], strict=False)):
+            if (
+                symbol in (VALUE, TIME)
+                and period > 1
+                and len({*texts[:period]}) == period == len({*texts})
+                and texts[0] not in ("", *texts[1:period])
+                and all(a == b for a, b in zip(texts, texts[period:], strict=False))
+            ):
                 for n, text in zip(at, texts, strict=True):
                     keys[n] = f"{keys[n]} {text}"
                 break

@@ -34,7 +34,9 @@ _SLOT = re.compile(
 _WORD = re.compile(r"([A-Za-z_]+)[\s#=:+(@.]*\Z")
 _ESP_IDF = re.compile(r"[EWIDV] \(\Z")  # of which the manual says that it counts milliseconds
 _LEVEL = re.compile(r"\b(?:TRACE|DEBUG|INFO|NOTICE|WARN(?:ING)?|ERROR|[DIWE])\b")
-_VOID_END = re.compile(rf"[\s:=]*(?:[-.*_xX?~]{{1,9}}|\b(?:none|nothing|open|empty|idle)\b)?[\s.]*\Z", re.IGNORECASE)
+_VOID_END = re.compile(
+    r"[\s:=]*(?:[-.*_xX?~]{1,9}|\b(?:none|nothing|open|empty|idle)\b)?[\s.]*\Z", re.IGNORECASE
+)
 _USUAL = 0.6  # of the lines
 _FEW = 2  # lines
 _WORDS = 4  # that may be the strips'
@@ -72,8 +74,10 @@ def of_runs(text: str) -> Table | None:
     strange = [n for n, line in best.items() if tuple(name for name, _ in line.fields) != heads]
     best = {n: line for n, line in best.items() if n not in strange}
     form, _ = Counter((line.form, line.rest) for line in best.values()).most_common(1)[0]
-    voids = {n: made for n, line in every if n not in best and (made := _without_contact(line, next(iter(best[min(best)].pairs)), form[0]))}
-    voids = voids if len({tuple(line.pairs) for line in best.values()}) > 1 else {}  # of touched strips only
+    shown = next(iter(best[min(best)].pairs))
+    touched_only = len({tuple(line.pairs) for line in best.values()}) > 1
+    there = [(n, line) for n, line in every if touched_only and n not in best]
+    voids = {n: made for n, line in there if (made := _without_contact(line, shown, form[0])) is not None}
     best = dict(sorted((best | voids).items()))
     first = min(best)
     odd = [(n, line) for n, line in every if n > first and n not in best]
@@ -208,7 +212,7 @@ def _of_head(head: str) -> tuple[str, tuple[tuple[str, str], ...]]:
 
 
 def _without_contact(line: str, strip: str, form: str) -> _Line | None:
-    """Return a line that has nothing, or a mark for it, where others of a form have strips, as one of an untouched strip."""
+    """Return a line that has nothing, or a mark for it, where others have strips, as one of an untouched strip."""
     head = _VOID_END.sub("", line).rstrip()
     made, fields = _of_head(head)
     return _Line(head, made, fields, {strip: ("", "")}, (), "") if fields and made == form else None

@@ -20,6 +20,7 @@ _MARKS = (
     r"(?:-{1,5}(?!>)|\*{1,9}|_{1,5}|\.{1,5}|\?{1,3}|\+{2,9}|[-+]?\u221e|\u2013|\u2014)"
     r"(?![^\s,;|/:)\]}>'\"])"
     r"|(?<=[A-Za-z])(?:-{2,5}|\*{2,5}|\?{2,5})(?=[A-Z\s,;|/:]|\Z)"  # as in "H----L----"
+    r"|(?<=[/:|])-{2,5}(?=>)"  # the last of a frame
 )
 _SEPARATORS = ";|,"
 _AROUND = frozenset("[](){}<>,;")  # a row, of which the first and the last have others
