@@ -119,7 +119,7 @@ def settled(table: Table, read: Callable[[Table], Read], strips: int = 0, channe
         try:
             return read(told)
         except Unanswered as error:
-            asked = len(kept.questions) if isinstance(kept, Unanswered) else np.inf
+            asked = len(kept.questions) if isinstance(kept, Unanswered) and not table.refused else np.inf
             if len(error.questions) < asked:
                 raise
         except (ReadingError, OptionError):

@@ -23,7 +23,7 @@ def ways_to_join(lines: Sequence[Line]) -> Iterator[list[Line]]:
     >>> from tacstrip.io.log_import.tokens import parted
     >>> log = [f"{'HL'[n % 2]} {n} {n + 1}" for n in range(8)]
     >>> [[r.form for r in way][-1] for way in ways_to_join([parted(n, line) for n, line in enumerate(log)])]
-    ['w##', 'w##\\nw##']
+    ['w##', 'w##\nw##']
     """
     yield list(lines)
     lines = with_marks(lines)
