@@ -19,7 +19,7 @@ def upright(text: str) -> str:
 
     Examples
     --------
-    >>> print(upright("voie [V];0 ms;50 ms;100 ms\n1 haut;2,1;2,2;2,3\n1 bas;1;1;1\n2 haut;3;3;3\n2 bas;2;2;2").rstrip())
+    >>> print(upright("via [V];0 ms;50 ms;100 ms\n1 haut;2,1;2,2;2,3\n1 bas;1;1;1\n2 haut;3;3;3\n2 bas;2;2;2"), end="")
     time [ms];1 haut [V];1 bas [V];2 haut [V];2 bas [V]
     0;2,1;1;3;2
     50;2,2;1;3;2
