@@ -107,10 +107,10 @@ def test_an_order_of_strips_that_only_a_note_tells_is_a_doubt(note: str, told: b
     assert len(doubts) == told
 
 
-def test_names_of_fields_in_another_part_of_a_document_are_a_doubt() -> None:
+def test_names_of_fields_in_another_part_of_a_document_name_the_columns() -> None:
     fields = {f"field{n + 1}": f"strip {4 - n // 2} {('high', 'low')[n % 2]}" for n in range(8)}
     feeds = [
         {"t": 0.1 * n} | {f"field{i + 1}": 2.0 + 0.1 * n - 0.5 * (i % 2) for i in range(8)} for n in range(4)
     ]
-    (doubt,) = of_text(json.dumps({"channel": fields, "feeds": feeds})).doubts
-    assert "'field1 = strip 4 high': without an answer strips are" in doubt
+    table = of_text(json.dumps({"channel": fields, "feeds": feeds}))
+    assert table.names == ("t", *fields.values())

@@ -228,3 +228,65 @@ def test_a_strip_that_is_never_logged_beside_ones_that_always_are_is_asked() -> 
     rows = [f"{0.1 * n:.1f},{s},{2.0 + 0.1 * s + 0.02 * n:.3f}" for n in N for s in range(4)]
     with pytest.raises(Unanswered, match="no line for strip 4: are strips that are not there untouched"):
         read(["t_s,strip,V_out", *rows], ROW)
+
+
+def pair(n: int, s: int, between: str = " ", nothing: str = "nan") -> str:
+    return f"{field(HIGH[n, s], nothing)}{between}{field(LOW[n, s], nothing)}"
+
+
+RECORDS = {
+    "two converters": lambda n: [
+        f"{0.1 * n:.3f} mux{part} " + " ".join(pair(n, s) for s in strips)
+        for part, strips in ((1, (0, 1, 2)), (2, (3, 4)))
+    ],
+    "arrays over two lines": lambda n: [
+        f"t={0.1 * n:.1f} "
+        + " ".join(
+            f"{name}=array([{', '.join(field(a[n, s], 'nan') for s in range(3))},\n    "
+            f"{', '.join(field(a[n, s], 'nan') for s in (3, 4))}])"
+            for name, a in (("upper", HIGH), ("lower", LOW))
+        )
+    ],
+    "a line for each strip, the last first": lambda n: [
+        f"[{0.1 * n:.1f}s]", *(f"  taxel{s + 1}  {pair(n, s)}" for s in reversed(S))
+    ],
+    "letters and digits": lambda n: [
+        f"{0.1 * n:.2f} " + ";".join(f"S{s:02d}H{field(HIGH[n, s], '-----')}L{field(LOW[n, s], '-----')}" for s in S)
+    ],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("form", RECORDS)
+@pytest.mark.parametrize("noise", [(), ("heap 21344", "wifi: reconnect")])
+def test_lines_that_come_again_in_turn_are_one_record(form: str, noise: tuple[str, ...]) -> None:
+    records = ["\n".join(RECORDS[form](n)) for n in N]
+    for n, line in enumerate(noise):
+        records.insert(3 + 4 * n, line)
+    found = propose(of_text("\n".join(["# unit: V", *records])), PAD, {"broken_lines": "skip"})
+    values = np.stack([scan.values for scan in found.scans])
+    np.testing.assert_allclose(values, np.stack([HIGH, LOW], axis=2))
+    np.testing.assert_allclose([scan.time_s for scan in found.scans], 0.1 * np.arange(len(N)), atol=1e-9)
+
+
+def test_blocks_below_each_other_are_the_two_ends() -> None:
+    blocks = [["\t".join(field(v, "NaN") for v in row) for row in a] for a in (HIGH, LOW)]
+    text = "\n".join(["# volts, 20 scans/s", "BEGIN", *blocks[0], "END", "BEGIN", *blocks[1], "END"])
+    found = propose(of_text(text), PAD)
+    np.testing.assert_allclose(np.stack([scan.values for scan in found.scans]), np.stack([HIGH, LOW], axis=2))
+    assert found.mapping.rate_hz == 20.0
+
+
+def test_a_scan_of_touched_strips_that_has_none_is_a_scan() -> None:
+    lines = [
+        f"t={20 * n} " + (" ".join(f"{s}:{pair(n, s, '/')}" for s in S if not OPEN[n, s]) or "-") for n in N
+    ]
+    lines[5] = "t=100 -"
+    found = propose(of_text("\n".join(lines)), PAD, {"missing": "untouched", "unit": "V", "time_unit": "ms"})
+    assert len(found.scans) == len(N)
+    assert np.isnan(found.scans[5].values).all()
+
+
+def test_strips_in_turn_are_one_scan_whatever_their_times_are() -> None:
+    lines = [f"I ({1200 + 30 * n + s // 4}) skin: s={s} h={pair(n, s, ' l=')}" for n in N for s in S]
+    found = propose(of_text("\n".join(lines)), PAD, {"unit": "V"})
+    np.testing.assert_allclose(np.stack([scan.values for scan in found.scans]), np.stack([HIGH, LOW], axis=2))

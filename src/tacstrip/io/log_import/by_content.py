@@ -10,15 +10,24 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.io.log_import.fields import number_of, says_nothing
-from tacstrip.io.log_import.names import READING_UNITS, TIME_UNITS, UNITS, Meaning, meaning, meanings, unit_in
+from tacstrip.io.log_import.names import (
+    READING_UNITS,
+    TIME_UNITS,
+    UNITS,
+    Meaning,
+    is_called_k,
+    meaning,
+    unit_in,
+)
+from tacstrip.io.log_import.periods import JOINED, ways_to_join
 from tacstrip.io.log_import.plausible import ROUGH, roughness
-from tacstrip.io.log_import.strays import filled_lines
+from tacstrip.io.log_import.strays import numbered
 from tacstrip.io.log_import.table import BY_CONTENT, CLOCK, Table
 from tacstrip.io.log_import.tokens import TIME, VALUE, WORD, Line, in_pairs, kinds_of_rows, parted
 
@@ -29,17 +38,19 @@ _BEGUN = 4  # values and marks that a damaged row has in common with the others,
 _ABOVE = 4  # lines that may hold the names
 _LONG = 72  # characters of a line that are quoted
 _MOST_COLUMNS = 600
+_RESTARTS, _LONG_RUN = 3, 10  # times that a clock may begin anew; rows for each
 _BETWEEN_STRIPS = 2  # columns, at most, of something else
 
 
 @dataclass(frozen=True)
 class Column:
-    """What stands in one place of all rows: texts, their kind, numbers (NaN for none), and the word before it."""
+    """What stands in one place of all rows: texts, their kind, numbers (NaN for none), and the words before it."""
 
     texts: tuple[str, ...]
     kind: str
     numbers: FloatArray
     label: str
+    words: tuple[str, ...] = ()
 
     @property
     def said(self) -> Meaning:
@@ -69,9 +80,15 @@ class Column:
 
     @property
     def rises(self) -> bool:
-        """Whether it never falls, and is a number throughout."""
+        """Whether it never falls, but for a clock that begins anew, and is a number throughout."""
         steps = np.diff(self.numbers)
-        return bool(len(steps) and np.isfinite(self.numbers).all() and (steps >= 0.0).all() and steps.any())
+        if not len(steps) or not np.isfinite(self.numbers).all() or not steps.any():
+            return False
+        anew = np.flatnonzero(steps < 0.0)
+        few = len(anew) <= _RESTARTS and len(steps) > _LONG_RUN * len(anew)
+        return few and bool(
+            (self.numbers[anew + 1] <= np.quantile(self.numbers, 0.2)).all() and (steps > 0.0).any()
+        )
 
 
 @dataclass(frozen=True)
@@ -102,14 +119,18 @@ def of_content(text: str, strips: int, channels: int) -> Table | None:
     >>> of_content(log, 4, 2).names
     ('time [s]', 'h_0', 'l_0', 'h_1', 'l_1', 'h_2', 'l_2', 'h_3', 'l_3')
     """
-    there = filled_lines(text)
+    there = [
+        (n, line.strip(" \r")) for n, line in numbered(text) if line.strip()
+    ]  # an empty field may stand last
     found: list[tuple[float, FloatArray, Table]] = []
     marks = [len(re.findall(rf"(?<![\w.,:])\d+{mark}\d+(?![\w.,])", text)) for mark in (r"\.", ",")]
     for decimal in (".", ",") if marks[1] > marks[0] else (".",):
         lines = in_pairs([parted(n, line, decimal) for n, line in there])
-        ways = [_best(rows, lines, dict(there), decimal, strips, channels) for rows in kinds_of_rows(lines)]
-        found += [way for way in ways if way is not None]
-    found.sort(key=lambda one: one[0])
+        for way in ways_to_join(lines):
+            told = [_best(rows, way, dict(there), decimal, strips, channels) for rows in kinds_of_rows(way)]
+            found += [one for one in told if one is not None]
+    most = max((int(np.isfinite(values).sum()) for _, values, _ in found), default=0)
+    found = sorted((f for f in found if np.isfinite(f[1]).sum() > _EXPLAINED * most), key=lambda one: one[0])
     if not found:
         return None
     rough, values, table = found[0]
@@ -124,10 +145,11 @@ def _best(
     columns, read, lost = _columns(rows, lines, decimal)
     if not columns or len(columns) > _MOST_COLUMNS:
         return None
+    names = _names_above(rows[0], texts, columns)
     tried: list[tuple[float, Assignment, FloatArray]] = []
     for one in _assignments(columns, strips, channels):
         values = _values(columns, one, strips, channels)
-        if values is None or len(values) < _FEW_SCANS:
+        if values is None or len(values) < _FEW_SCANS or not _agrees(one, names):
             continue
         rough = roughness(values)
         if (
@@ -142,14 +164,13 @@ def _best(
     if not tried or (len(tried) > 1 and tried[1][0] < _FAR_OFF * tried[0][0]):
         return None
     rough, one, values = tried[0]
-    names = _names_above(rows[0], texts, columns)
     if (
-        not _agrees(one, names)
+        any({meaning(w).channel, end} == {"h", "l"} for n, _, end in one.readings for w in columns[n].words)
         or _others_like_readings(columns, one, names)
         or _are_numbers_of_columns(columns, one)
     ):
         return None
-    return rough, values, _table(columns, one, rows, texts, read, lost, decimal)
+    return rough, values, _table(columns, one, rows, texts, read, lost, decimal, values)
 
 
 def _columns(rows: list[Line], lines: list[Line], decimal: str) -> tuple[list[Column], set[int], set[int]]:
@@ -158,7 +179,7 @@ def _columns(rows: list[Line], lines: list[Line], decimal: str) -> tuple[list[Co
     And the lines of these, and those of them that no row follows.
     """
     columns = _of_places([r.form for r in rows], [r.texts for r in rows], decimal)
-    taken = {r.number for r in rows}
+    taken = {n for r in rows for n in (r.number, *r.others)}
     read: set[int] = set()
     lost: set[int] = set()  # labels without a row
     first, last = rows[0].number, rows[-1].number
@@ -192,18 +213,20 @@ def _columns(rows: list[Line], lines: list[Line], decimal: str) -> tuple[list[Co
 def _of_places(forms: Sequence[str], texts: Sequence[tuple[str, ...]], decimal: str) -> list[Column]:
     made: list[Column] = []
     label = ""
+    words: list[str] = []
     for place, symbol in enumerate(forms[0]):
         fields = tuple(t[place] for t in texts)
         if symbol == WORD:
             label = fields[0] if len({*fields}) == 1 else ""
             if label:
+                words += label.split()
                 continue
         if symbol not in (VALUE, TIME, WORD):
             continue
         fields = _in_decimals(fields) if symbol == VALUE else fields
         numbers = np.array([np.nan if (v := number_of(f, decimal)) is None else v for f in fields])
-        made.append(Column(fields, symbol, numbers, label))
-        label = ""
+        made.append(Column(fields, symbol, numbers, label, tuple(words)))
+        label, words = "", []
     return made
 
 
@@ -221,6 +244,8 @@ def _assignments(columns: list[Column], strips: int, channels: int) -> Iterator[
         if c.is_numeric and not c.counts and c.said.role not in ("time", "scan", "strip")
     ]
     often = {t for n in numeric if not columns[n].is_constant for t in columns[n].texts}
+    if any(t and says_nothing(t) for t in often):  # what is empty throughout is then no untouched strip
+        numeric = [n for n in numeric if any(columns[n].texts)]
     # A number that never changes is a label, unless it is what others have where nothing touches.
     plain = [
         n
@@ -234,7 +259,9 @@ def _assignments(columns: list[Column], strips: int, channels: int) -> Iterator[
                 block = some[at : at + strips * size]
                 if size > channels and len(some) - len(block) > 2:
                     continue
-                yield from _of_block(block, strips, channels, size)
+                yield from (
+                    _by_labels(columns, one, strips) for one in _of_block(block, strips, channels, size)
+                )
     whiches = [
         n
         for n, c in enumerate(columns)
@@ -293,6 +320,28 @@ def _of_block(block: list[int], strips: int, channels: int, size: int) -> Iterat
                     for place, name in zip(order, names, strict=True)
                 )
             )
+
+
+def _by_labels(columns: list[Column], one: Assignment, strips: int) -> Assignment:
+    """Return an assignment with the strips that numbers before the columns give them, if these number all strips."""
+    labels: list[int] = []
+    last = -1
+    for n, *_ in sorted(one.readings):
+        between = [
+            columns[c].numbers[0]
+            for c in range(last + 1, n)
+            if columns[c].is_constant and columns[c].is_numeric
+        ]
+        between = [v for v in between if v % 1.0 == 0.0]
+        labels.append(int(between[-1]) if between else labels[-1] if labels else -1)
+        last = n
+    told = {n: k for (n, *_), k in zip(sorted(one.readings), labels, strict=True)}
+    low = min(labels)
+    if {*labels} != {*range(low, low + strips)} or len({(told[n], c) for n, _, c in one.readings}) < len(
+        labels
+    ):
+        return one
+    return replace(one, readings=tuple((n, told[n] - low, c) for n, _, c in one.readings))
 
 
 def _are_strips(column: Column, strips: int) -> bool:
@@ -369,10 +418,13 @@ def _names_above(first: Line, texts: dict[int, str], columns: list[Column]) -> l
 
 def _agrees(one: Assignment, names: list[str]) -> bool:
     """Return whether names contradict no strip and no end that an assignment gives their columns."""
-    if not names or len({*names}) < len(names):
+    if not names:
         return True
-    found = [*meanings(names).values()]
-    numbers = {s - k for n, k, _ in one.readings if k is not None and (s := found[n].strip) is not None}
+    found = [meaning(name) for name in names]
+    told = {n: m.strip for n, m in enumerate(found) if m.strip is not None}
+    if len(told) >= len({n for n, *_ in one.readings}) and any(n not in told for n, *_ in one.readings):
+        return False
+    numbers = {told[n] - k for n, k, _ in one.readings if k is not None and n in told}
     ends = {
         (channel, found[n].channel) for n, _, channel in one.readings if found[n].channel in ("h", "l", "out")
     }
@@ -417,12 +469,14 @@ def _table(
     read: set[int],
     lost: set[int],
     decimal: str,
+    values: FloatArray,
 ) -> Table:
     """Return the table of an assignment, with the time, and units that stand by the values or above them."""
     first = rows[0].number
     preamble = tuple(line for n, line in texts.items() if n < first)
     used = {n for n, *_ in one.readings} | {one.strip, one.which}
-    unit = _unit_above(preamble, READING_UNITS)
+    words = {w for n, *_ in one.readings for w in columns[n].words}
+    unit = _unit_above(preamble, READING_UNITS) or ("fraction" if any(map(is_called_k, words)) else "")
     made: dict[str, Sequence[str]] = {}
     labels = [n for n in range(len(columns)) if n not in used and not columns[n].is_constant]
     clocks = [n for n in labels if columns[n].kind == TIME]
@@ -455,7 +509,7 @@ def _table(
     for n, k, channel in one.readings:
         name = (channel or "reading") + ("" if k is None else f"_{k}")
         made[f"{name} [{unit}]" if unit else name] = columns[n].texts
-    taken = read | {r.number for r in rows}
+    taken = read | {n for r in rows for n in (r.number, *r.others)}
     broken = tuple(
         n
         for n, line in texts.items()
@@ -463,9 +517,11 @@ def _table(
         or (
             n not in taken
             and not (n < first and line.startswith("#"))
-            and _may_be_row(parted(n, line, decimal), rows[0].form)
+            and any(_may_be_row(parted(n, line, decimal), form) for form in rows[0].form.split(JOINED))
         )
     )
+    whole = one.strip is not None and one.which is None and len(rows) == len(values) * values.shape[1]
+    broken = tuple(n for n in broken if not whole)  # a line that is lost would leave a gap
     shown = texts[rows[0].number][:_LONG]
     told = f"line {rows[0].number} ({shown!r}) and those like it are read as {', '.join(made)}; {BY_CONTENT}"
     return Table(
@@ -481,7 +537,8 @@ def _may_be_row(line: Line, form: str) -> bool:
         (n for n, (a, b) in enumerate(zip(line.form, form, strict=False)) if a != b),
         min(len(line.form), len(form)),
     )
-    many, usual = line.form.count(VALUE), form.count(VALUE)
+    many = sum(symbol == VALUE and text != "" for symbol, text in zip(line.form, line.texts, strict=True))
+    usual = form.count(VALUE)
     begun = alike > min(_BEGUN, len(form) - 1) and VALUE in line.form[:alike]
     words = max(form.count(WORD), many // 2)  # a hexadecimal number may come apart into numbers and letters
     return many > 0 and (begun or (2 * many > usual and line.form.count(WORD) <= words))

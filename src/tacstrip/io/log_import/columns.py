@@ -103,6 +103,7 @@ def _ask_for_other_end(clues: Clues, found: Columns, passed: list[str]) -> None:
                 f"named v_{other}: is it these?",
                 other,
                 "skip",
+                of_form=True,
             )
 
 

@@ -283,7 +283,7 @@ def _of_cells(cells: list[list[Any]], path: str | Path) -> Table:
         (i, [*row[:width], *[""] * (width - len(row))])
         for i, row in enumerate(rows, 1) if numbered[0][0] <= i <= numbered[-1][0]
     ]  # fmt: skip
-    text = "\n".join("\t".join(row) for row in rows)
+    text = "\n".join("\t".join([*row, *[""] * (width - len(row))]) for row in rows)
     return replace(
         in_normal_form(headed(split, width, ".", told)),
         of_content=lambda strips, channels: content_of(text, strips, channels),

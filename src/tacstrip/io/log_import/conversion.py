@@ -119,7 +119,7 @@ def factor(clues: Clues) -> float:
                 "1",
             )
             continue
-        if not (_SCALED.search(text) or _ratio_alone(line)) or _OVER_VREF.search(text):
+        if not (_SCALED.search(text) or _ratio_alone(line)) or _OVER_VREF.search(text) or _STEP.search(text):
             continue
         if _set_to_one(line, clues.table.preamble):
             continue

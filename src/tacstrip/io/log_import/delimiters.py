@@ -37,7 +37,6 @@ _FIRST = re.compile(
 _BEFORE = re.compile(r"[^{}/=]*[A-Za-z\d][^{}/=]*[\s:>|\]-]")
 _NAN = re.compile(r"(?<![^\[:, ;])nan\b", re.IGNORECASE)
 _VALUE = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:\s?[A-Za-z%]{1,3})?|nan|n/a|-{1,3}"
-_SLASHED = re.compile(rf"\s*(?:\S+\s*:\s*)?(?:{_VALUE})(?:\s+/\s+(?:{_VALUE}))+\s*", re.IGNORECASE)
 
 
 def without_ends(lines: Lines) -> tuple[Lines, list[str]]:
@@ -173,27 +172,3 @@ def of_sent(text: str) -> str:
         name = "value" if usual - 1 in places else parts[-1]
         made.append(json.dumps({**above, **(sent if isinstance(sent, dict) else {name: sent})}))
     return "\n".join(made)
-
-
-def of_slashes(lines: Lines) -> Lines:
-    r"""Return lines such as "3: 2.49 / 1.92 V" with tabs between their values, and the unit at the end behind each.
-
-    Examples
-    --------
-    >>> of_slashes([(1, "strip: upper / lower"), (2, "3: 2.49 / 1.92 V"), (3, "4: 2.6 / 1.8 V")])[:2]
-    [(1, 'strip\tupper\tlower'), (2, '3\t2.49 V\t1.92 V')]
-    """
-    numeric = [line for _, line in lines if re.search(r"\d", line)]
-    if sum(_SLASHED.fullmatch(line) is not None for line in numeric) <= STEADY * len(numeric):
-        return lines
-    made = []
-    for i, line in lines:
-        parts = re.split(r"\s+/\s+", re.sub(r"\A\s*([^\s:/]+)\s*:\s+", r"\1 / ", line.strip()))
-        unit = re.search(r"\d\s?([A-Za-z%]{1,3})\Z", parts[-1])
-        if unit and _SLASHED.fullmatch(line):
-            first = len(parts) - len(re.split(r"\s+/\s+", line))
-            parts = [
-                p if n < first or not p[-1:].isdigit() else f"{p} {unit[1]}" for n, p in enumerate(parts)
-            ]
-        made.append((i, "\t".join(parts) if len(parts) > 1 else line))
-    return made

@@ -92,6 +92,7 @@ def ends_of_columns(
             f"there is one reading for each strip, and the sensor has two: is {name!r} v_h or v_l?",
             "h",
             "l",
+            of_form=True,
         )
         chosen = dict.fromkeys(readings, "h")
     else:

@@ -29,7 +29,7 @@ from tacstrip.io.log_import.scans import LogScan, is_newest_first, scans, strip_
 from tacstrip.io.log_import.sides import assigned_otherwise, from_the_right_said, order_elsewhere
 from tacstrip.io.log_import.statements import base_said
 from tacstrip.io.log_import.supply import ask_for_supply
-from tacstrip.io.log_import.table import PART, REPEATED, NoTableError, Table
+from tacstrip.io.log_import.table import PART, NoTableError, Table
 from tacstrip.io.log_import.turns import with_turn
 from tacstrip.io.log_import.write import at_rest
 from tacstrip.sensor.spec import Sensor
@@ -100,9 +100,6 @@ def settled(table: Table, read: Callable[[Table], Read], strips: int = 0, channe
     fewest: float = np.inf
     kept: Exception | None = None
     for one in itertools.chain([table], table.retries()):
-        unnamed = isinstance(kept, Unanswered) and not table.named
-        if REPEATED in one.remarks and kept and not (unnamed or isinstance(kept, NoTableError)):
-            continue  # an error that names a place says more than that the form is unknown
         try:
             return read(one)
         except (ReadingError, OptionError, Unanswered) as error:
@@ -122,7 +119,7 @@ def settled(table: Table, read: Callable[[Table], Read], strips: int = 0, channe
         try:
             return read(told)
         except Unanswered as error:
-            asked = len(kept.questions) if isinstance(kept, Unanswered) else np.inf
+            asked = len(kept.questions) if isinstance(kept, Unanswered) and not table.refused else np.inf
             if len(error.questions) < asked:
                 raise
         except (ReadingError, OptionError):

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from tacstrip.errors import ReadingError
+from tacstrip.io.log_import.channel_names import tell_strips
 from tacstrip.io.log_import.fields import is_prose
 from tacstrip.io.log_import.gathered import touched_vary
 from tacstrip.io.log_import.literals import literal, literals
@@ -76,7 +77,22 @@ def of_values(
     varied = touched_vary(records) > 1 and all(all(r.values()) for r in records)
     remarks = [f"{len(empty)} scan(s) with an empty list: nothing touches in them"] if empty else []
     table = of_records(records, lines, ".", told, *remarks)
-    return replace(table, preamble=above, varied=varied, empty=frozenset(empty))
+    return replace(
+        table, names=_described(table.names, above), preamble=above, varied=varied, empty=frozenset(empty)
+    )
+
+
+def _described(names: tuple[str, ...], above: Sequence[str]) -> tuple[str, ...]:
+    """Return names with what stands beside them above in their place, if that tells strips and ends.
+
+    Examples
+    --------
+    >>> _described(("t", "f1", "f2", "f3", "f4"), ("f1: 1 high", "f2: 1 low", "f3: 2 high", "f4: 2 low"))
+    ('t', '1 high', '1 low', '2 high', '2 low')
+    """
+    said = {name: what for name, _, what in (line.partition(": ") for line in above) if name in names}
+    said = {name: what for name, what in said.items() if meaning(what).strip is not None}
+    return tuple(said.get(n, n) for n in names) if tell_strips([*said.values()]) else names
 
 
 def _of_lists(rows: Sequence[tuple[int, Any]]) -> Table | None:

@@ -14,6 +14,7 @@ _INSERTED = re.compile(
 )
 _COPIED = re.compile(r"(?ms)^COPY\s+(\S+)\s*\(([^()]*)\)\s+FROM\s+stdin;\s*\n(.*?)^\\\.")
 _CONSTRAINT = re.compile(r"\s*(?:PRIMARY|UNIQUE|FOREIGN|CONSTRAINT|CHECK|KEY|INDEX)\b", re.IGNORECASE)
+_LATEX = r"\\begin\{(?:tabular\w*|longtable|array)\}"  # of several, each may be a scan
 _MOST_SPANNED = {"row": 65_534, "col": 1000}  # that a cell may span, as HTML limits it
 
 
@@ -30,7 +31,9 @@ def plain_rows(text: str) -> str:
     if re.search(r"<tr\b.*</t[dh]>", text, re.IGNORECASE | re.DOTALL):
         rows = re.findall(r"<tr\b.*?>(.*?)</tr>", text, re.IGNORECASE | re.DOTALL)
         cells = _spread(rows)
-    elif inner := re.search(r"\\begin\{(?:tabular\w*|longtable|array)\}(.*)\\end\{", text, re.DOTALL):
+    elif len(re.findall(_LATEX, text)) == 1 and (
+        inner := re.search(rf"{_LATEX}(.*)\\end\{{", text, re.DOTALL)
+    ):
         body = re.sub(r"\A(?:\[.*?\])?\s*\{[^{}]*\}", "", inner[1])
         body = re.sub(r"\\(?:top|mid|bottom|h|c)(?:rule|line)(?:\{[^}]*\})?|(?<!\\)%.*", "", body)
         rows = [re.sub(r"\\(?:text|math)\w*\{([^}]*)\}|[${}]", r"\1", row) for row in body.split(r"\\")]

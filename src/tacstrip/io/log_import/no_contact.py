@@ -12,6 +12,7 @@ from tacstrip.errors import OptionError, ReadingError
 from tacstrip.io.log_import.columns import Columns
 from tacstrip.io.log_import.fields import clock_seconds, number_of, says_nothing
 from tacstrip.io.log_import.mapping import ColumnMapping
+from tacstrip.io.log_import.plausible import roughness
 from tacstrip.io.log_import.questions import Clues
 from tacstrip.io.log_import.scans import BOUND, LogScan
 from tacstrip.io.log_import.statements import untouched_said
@@ -88,7 +89,7 @@ def _that_apply(answer: str, table: Table, found: Columns) -> tuple[str, ...]:
 
 
 def _says_a_fault(word: str) -> bool:
-    return "?" in word or finder("fault").search(word.replace("_", " ")) is not None
+    return finder("fault").search(word.replace("_", " ")) is not None
 
 
 def settle_words(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> None:
@@ -101,7 +102,13 @@ def settle_words(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
         clues.because(f"{word}: no contact, as the log says")
         return
     idle = np.isnan(values)
-    if values.shape[2] == 2 and (idle[:, :, 0] == idle[:, :, 1]).all() and idle.mean() > _MANY:
+    doubtful = any("?" in w for w in mapping.untouched) and roughness(values) is None
+    if (
+        values.shape[2] == 2
+        and (idle[:, :, 0] == idle[:, :, 1]).all()
+        and idle.mean() > _MANY
+        and not doubtful
+    ):
         clues.because(f"{word}: no contact, for both channels of a strip have it at once, and none alone")
         return
     words = [w for w in mapping.untouched if _OVER_RANGE.fullmatch(w)]

@@ -34,6 +34,9 @@ _SLOT = re.compile(
 _WORD = re.compile(r"([A-Za-z_]+)[\s#=:+(@.]*\Z")
 _ESP_IDF = re.compile(r"[EWIDV] \(\Z")  # of which the manual says that it counts milliseconds
 _LEVEL = re.compile(r"\b(?:TRACE|DEBUG|INFO|NOTICE|WARN(?:ING)?|ERROR|[DIWE])\b")
+_VOID_END = re.compile(
+    r"[\s:=]*(?:[-.*_xX?~]{1,9}|\b(?:none|nothing|open|empty|idle)\b)?[\s.]*\Z", re.IGNORECASE
+)
 _USUAL = 0.6  # of the lines
 _FEW = 2  # lines
 _WORDS = 4  # that may be the strips'
@@ -71,10 +74,15 @@ def of_runs(text: str) -> Table | None:
     strange = [n for n, line in best.items() if tuple(name for name, _ in line.fields) != heads]
     best = {n: line for n, line in best.items() if n not in strange}
     form, _ = Counter((line.form, line.rest) for line in best.values()).most_common(1)[0]
+    shown = next(iter(best[min(best)].pairs))
+    touched_only = len({tuple(line.pairs) for line in best.values()}) > 1
+    there = [(n, line) for n, line in every if touched_only and n not in best]
+    voids = {n: made for n, line in there if (made := _without_contact(line, shown, form[0])) is not None}
+    best = dict(sorted((best | voids).items()))
     first = min(best)
     odd = [(n, line) for n, line in every if n > first and n not in best]
     numeric = [n for n, line in odd if _may_be_cut(line, label, form[0])]
-    sets = Counter(tuple(line.pairs) for line in best.values())
+    sets = Counter(tuple(line.pairs) for n, line in best.items() if n not in voids)
     usual, often = sets.most_common(1)[0]
     cut = [n for n, line in best.items() if often > _USUAL * len(best) and tuple(line.pairs) != usual]
     broken = sorted({*numeric, *cut, *strange})
@@ -119,7 +127,7 @@ def of_runs(text: str) -> Table | None:
     return Table(
         (*["scan"] * counted, *["source"] * several, *names, "strip", *ends), rows, lines, ".", True, tuple(told),
         tuple(broken),
-        (*around, form[1].strip()), quotes={n: texts[n].strip() for n in broken},
+        (*around, form[1].strip()), quotes={n: texts[n].strip() for n in broken}, empty=frozenset(voids),
     )  # fmt: skip
 
 
@@ -182,6 +190,12 @@ def _of_run(line: str, run: Sequence[re.Match[str]]) -> _Line | None:
         values = ["" if _says_nothing(v.strip()) else v.strip() for v in both]
         pairs[m["strip"]] = (values[0], values[-1])
     head = line[: run[0].start()]
+    form, fields = _of_head(head)
+    return _Line(head, form, fields, pairs, tuple(marks), rest)
+
+
+def _of_head(head: str) -> tuple[str, tuple[tuple[str, str], ...]]:
+    """Return the form of what stands before a line's first label, and its fields: name and text."""
     fields, form, at = [], "", 0
     for slot in _SLOT.finditer(head):
         before = head[at : slot.start()]
@@ -194,8 +208,14 @@ def _of_run(line: str, run: Sequence[re.Match[str]]) -> _Line | None:
         elif unit := "ms" if _ESP_IDF.search(before) else slot["unit"]:
             name = f"{name if meaning(name).role == 'time' else 'time'} [{unit}]"
         fields.append((name, slot["clock"] or slot["address"] or slot["number"]))
-    form += head[at:]
-    return _Line(head, " ".join(form.split()), tuple(fields), pairs, tuple(marks), rest)
+    return " ".join((form + head[at:]).split()), tuple(fields)
+
+
+def _without_contact(line: str, strip: str, form: str) -> _Line | None:
+    """Return a line that has nothing, or a mark for it, where others have strips, as one of an untouched strip."""
+    head = _VOID_END.sub("", line).rstrip()
+    made, fields = _of_head(head)
+    return _Line(head, made, fields, {strip: ("", "")}, (), "") if fields and made == form else None
 
 
 def _plain(void: re.Match[str]) -> bool:

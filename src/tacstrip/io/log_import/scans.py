@@ -24,6 +24,7 @@ _DAY_S = 86400.0
 _HALF_HOUR_S = 1800.0
 _FEW_FALLS = 0.34  # of the scans: where the time falls more often, the log is unsorted
 _FEW_ODD = 0.05  # of a column's numbers: more are no slip of single fields
+_FEW_CYCLES = 3  # of all strips in their turn
 _FEW_STEPS = 2  # of a time that falls: fewer may be a clock that begins anew
 _FEW_SCANS = 4  # of fewer, equal times tell nothing
 _LONG_AGO = 1e8  # of any unit: a time that does not count from the log's start
@@ -363,6 +364,15 @@ def are_of_one_time(times: Sequence[object], keys: Sequence[tuple[object, object
     runs = [
         [key for _, key in run] for _, run in itertools.groupby(zip(times, keys, strict=True), lambda z: z[0])
     ]
+    cycle = keys[: len({*keys})]
+    strips = [strip for strip, _ in cycle]
+    in_order = strips in (sorted(strips), sorted(strips, reverse=True))  # type: ignore[type-var]
+    if (
+        in_order
+        and len(keys) >= _FEW_CYCLES * len(cycle)
+        and all(key == cycle[n % len(cycle)] for n, key in enumerate(keys))
+    ):
+        return False  # each strip comes in its turn, which tells a scan whatever the times are
     several = sum(len({strip for strip, _ in run}) > 1 for run in runs)
     return 2 * several > len(runs) and all(len({*run}) == len(run) for run in runs)
 
@@ -405,7 +415,7 @@ def _targets(table: Table, mapping: ColumnMapping) -> list[tuple[str, int, int, 
         for strip in sorted(listed):
             for end, channel in enumerate(("",) if mapping.which else channels):
                 if (strip, end) not in there:
-                    raise ReadingError(
+                    raise NoTableError(
                         f"no column is of{' channel ' + channel + ' of' if channel else ''} strip {strip + first}"
                     )
     return targets

@@ -19,7 +19,7 @@ def upright(text: str) -> str:
 
     Examples
     --------
-    >>> print(upright("canal [V];0 ms;50 ms;100 ms\n1 haut;2,1;2,2;2,3\n1 bas;1;1;1\n2 haut;3;3;3\n2 bas;2;2;2"))
+    >>> print(upright("via [V];0 ms;50 ms;100 ms\n1 haut;2,1;2,2;2,3\n1 bas;1;1;1\n2 haut;3;3;3\n2 bas;2;2;2"), end="")
     time [ms];1 haut [V];1 bas [V];2 haut [V];2 bas [V]
     0;2,1;1;3;2
     50;2,2;1;3;2
@@ -47,5 +47,5 @@ def upright(text: str) -> str:
         names = [r[0] if not unit or _UNIT.search(r[0]) else f"{r[0]} [{unit[1]}]" for r in body]
         made = [[f"time [{units.pop()}]", *names]]
         made += [[time, *(r[k + 1] for r in body)] for k, time in enumerate(times)]
-        return "\n".join([*lines[:n], *(mark.join(fields) for fields in made)])
+        return "\n".join([*lines[:n], *(mark.join(fields) for fields in made), ""])
     return text

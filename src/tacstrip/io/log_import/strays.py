@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import itertools
 import re
 from collections import Counter
@@ -156,11 +155,8 @@ def filled_lines(text: str) -> list[tuple[int, str]]:
     return [(n, line.strip()) for n, line in numbered(text) if line.strip()]
 
 
-def with_retries(text: str, read: Read, last: Callable[[bool], Table | None]) -> Table:
+def with_retries(text: str, read: Read) -> Table:
     """Return the table of a text, of which `read` leaves lines out; with those that lines set aside would make of it.
-
-    And with the `last` one, of whatever form its lines are, where nothing tells of which; it is told whether the text
-    is no table as it stands.
 
     Raises
     ------
@@ -168,23 +164,19 @@ def with_retries(text: str, read: Read, last: Callable[[bool], Table | None]) ->
         It is no table, whatever is set aside.
     """
 
-    def retries(refused: ReadingError | None = None) -> Iterator[Table]:
+    def retries() -> Iterator[Table]:
         for strays in stray_lines(text):
             try:
                 yield _told(read(strays), strays, dict(numbered(text)))
             except ReadingError:
                 continue
-        if refused is None or isinstance(refused, NoTableError):
-            with contextlib.suppress(ReadingError):
-                if (table := last(refused is not None)) is not None:
-                    yield table
 
     try:
         return replace(read(frozenset()), retries=retries)
     except ContradictionError:
         raise
     except ReadingError as error:
-        others = retries(error)
+        others = retries()
         refused = error
         if strays := max(stray_lines(text), key=len, default=frozenset()):
             shown = _quoted(sorted(strays), dict(numbered(text)))

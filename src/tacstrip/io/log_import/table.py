@@ -17,7 +17,6 @@ from tacstrip.errors import ReadingError
 GARBLED = "\ufffd"  # for what a board wrote as it was reset
 CLOCK = "time stamp"  # the column of what a serial monitor or a logger puts before each line
 BY_CONTENT = "no other assignment of its values is one that the sensor can have read"
-REPEATED = "lines of one form: what changes from line to line are values"
 PART = "part"  # the column that tells lines above a change of what readings mean from those below it
 ROW = "line of its block"  # where blocks of as many lines follow each other
 _MOST_VOLTS = 100.0  # no Vref has more

@@ -20,7 +20,7 @@ from tacstrip.io.log_import.channel_names import (
 from tacstrip.io.log_import.conversion import resolutions
 from tacstrip.io.log_import.counted import without_totals
 from tacstrip.io.log_import.cut import with_cut_lines_doubted, without_cut_end
-from tacstrip.io.log_import.delimiters import of_sent, of_slashes, without_ends, without_prefix, without_tag
+from tacstrip.io.log_import.delimiters import of_sent, without_ends, without_prefix, without_tag
 from tacstrip.io.log_import.dialects import of_dialect
 from tacstrip.io.log_import.envelope import (
     bare,
@@ -41,14 +41,13 @@ from tacstrip.io.log_import.labels import with_labels
 from tacstrip.io.log_import.literals import one_page, unwrapped
 from tacstrip.io.log_import.mail import without_mail
 from tacstrip.io.log_import.markup import plain_rows
-from tacstrip.io.log_import.names import meaning, pair_of
 from tacstrip.io.log_import.nested import documents
 from tacstrip.io.log_import.owners import with_owners
 from tacstrip.io.log_import.pandas_print import of_pandas
 from tacstrip.io.log_import.prints import of_displayed_scans
 from tacstrip.io.log_import.records import STEADY
 from tacstrip.io.log_import.registers import with_registers
-from tacstrip.io.log_import.repeated import of_repeated, with_values_of_nothing
+from tacstrip.io.log_import.repeated import with_values_of_nothing
 from tacstrip.io.log_import.runs import of_runs
 from tacstrip.io.log_import.sections import in_one_table
 from tacstrip.io.log_import.separated import separated
@@ -72,12 +71,10 @@ _PAIRED = re.compile(
 )
 _COMMA_PAIR = re.compile(rf"(?<=[;|\t])\s*({_VALUE})\s?,\s?({_VALUE})\s*(?=([;|\t])|\Z)")
 _REMARK = re.compile(r"(;|!|//)\s*[^\s;].*")  # above a table
-_TOPIC = re.compile(r"([A-Za-z][\w.-]*(?:/[\w.-]+)+)\s+(\S+)")
 _RULE = re.compile(r"[\s\-=+|~*_:]+")  # a line drawn below names
 _HALF_WIDTH = {c: c - 0xFEE0 for c in range(0xFF01, 0xFF5F)}  # of East Asian full-width letters and digits
 _MOST_ABOVE = 12  # lines, in which what stands for no contact may be said
 _LONG = 400  # characters of a line that may say something
-_FEW_LINES = 4  # of fewer, the length of the last number tells nothing
 _THOUSANDS = re.compile(r"(?<=\d)[\u2009\u202f\xa0](?=\d{3}(?!\d))")
 _FORTRAN = re.compile(r"(?<!\w)([-+]?(?:\d+\.\d*|\.\d+))[DdQq]([+-]\d{2,3})(?!\w)")  # double precision
 _SCALAR = re.compile(r"\b(?:np|numpy)\.(?:float|u?int)\d+\(([^()]*)\)")  # as NumPy 2 prints one in a list
@@ -87,9 +84,6 @@ _FORMULA = re.compile(r"=\s*\d+\s*[*+]\s*\(?[A-Za-z]")  # as "ch = 2*strip"
 _LINE_END = re.compile(
     r"(?m)(?:<CR>|<LF>|\[CR\]|\[LF\]|<0[DA]>|\[0[DA]\]|\\r|\\n|\u240d|\u240a)+(?=\r?$)"
 )  # as monitors show it
-_CHANNEL_LINE = re.compile(
-    r"\s*((?:\d+(?:\.\d+)?[\s,;]+)?)([A-Za-z_]+)\s*[:=]((?:[\s,;]+[-+\d.eEna]+)+)[\s,;]*\Z"
-)
 _ENDLESS = re.compile(r"(?<!\w)\w{10000}|[\[({]{1000}")  # the time of many patterns grows with its square
 
 
@@ -102,11 +96,7 @@ def of_text(text: str, path: str | Path = "the log") -> Table:
             f"without an end ({endless.group()[:10]}...); damaged, or no log: take them out"
         )
     text = _with_marks_of_nothing(_with_one_mark(text))
-    table = with_retries(
-        text,
-        lambda strays: _with_lines(_announced(text, path, strays), text),
-        lambda refused: _repeated(text, refused),
-    )
+    table = with_retries(text, lambda strays: _with_lines(_announced(text, path, strays), text))
     return replace(table, of_content=lambda strips, channels: content_of(text, strips, channels))
 
 
@@ -138,11 +128,6 @@ def _with_marks_of_nothing(text: str) -> str:
 def content_of(text: str, strips: int, channels: int) -> Table | None:
     """Return a text's table by what it holds, with what its lines say; None where that tells nothing."""
     table = of_content(_COLOUR.sub("", without_thousands(text)), strips, channels)
-    return None if table is None else _with_lines(in_normal_form(table), text)
-
-
-def _repeated(text: str, refused: bool) -> Table | None:
-    table = of_repeated(_COLOUR.sub("", text), named_only=not refused)
     return None if table is None else _with_lines(in_normal_form(table), text)
 
 
@@ -195,7 +180,7 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     if (labelled := of_runs(text)) is not None:
         labelled = replace(labelled, remarks=(*filter(None, [messages]), *labelled.remarks))
         return in_normal_form(without_cut_end(labelled, text))
-    text = with_labels(with_channel_names(upright(_of_two_lines(of_sent(without_prefix(text))))))
+    text = with_labels(with_channel_names(upright(of_sent(without_prefix(text)))))
     if (table := of_literals(text, path) or of_dialect(text, str(path))) is not None:
         return in_normal_form(replace(table, remarks=(*filter(None, [messages]), *table.remarks)))
     # The empty lines in between tell where blocks begin.
@@ -211,7 +196,7 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     lines, passed = without_levels(lines)
     messages = "; ".join(filter(None, [messages, typed, passed]))
     lines = bare(lines)
-    lines = in_one_table(_in_pairs(with_values_of_nothing(of_groups(of_slashes(_of_topics(lines))))))
+    lines = in_one_table(_in_pairs(with_values_of_nothing(of_groups(lines))))
     beside = [line.lstrip().startswith(_COMMENT) or bool(_FORMULA.search(line)) for _, line in lines]
     remarked = [line for (_, line), so in zip(lines, beside, strict=True) if so]
     table = named_values([line for line, so in zip(lines, beside, strict=True) if not so], stamps)
@@ -243,30 +228,6 @@ def _of_nested(text: str) -> Table | None:
     if not found or (len(found) > 1 and len(odd) >= len(found)) or any(not is_prose(line) for line in odd):
         return None
     return of_tree(found, [line for _, line in around], "nested records: a line per strip")
-
-
-def _of_two_lines(text: str) -> str:
-    """Return lines such as "50 H: 1 388 437", of one channel each, with fields in place of the channel's colon."""
-    found = [(m, line) if (m := _CHANNEL_LINE.match(line)) else (None, line) for line in text.splitlines()]
-    words = Counter(m[2].casefold() for m, _ in found if m)
-    said = {meaning(w).channel for w in words}
-    many = sum(words.values())
-    numbers = sum(bool(re.search(r"\d", line)) for _, line in found)
-    if len(words) != 2 or many < STEADY * numbers or not ({*said} == {"h", "l"} or pair_of(said)):
-        return text
-    if abs(words.most_common()[0][1] - words.most_common()[1][1]) > 1:
-        return text
-    rows = ["\t".join([*m[1].split(), m[2], *m[3].split()]) if m else line for m, line in found]
-    width = Counter(row.count("\t") for row in rows if "\t" in row).most_common(1)[0][0]
-    return text if width < _FEW_LINES else "\n".join(rows)
-
-
-def _of_topics(lines: list[tuple[int, str]]) -> list[tuple[int, str]]:
-    """Return lines of a path and a value, such as "lab/skin/3/high 2.5", with an equals sign between them."""
-    found = [_TOPIC.fullmatch(line.strip()) for _, line in lines]
-    if sum(bool(m) for m in found) <= STEADY * len(lines):
-        return lines
-    return [(i, f"{m[1]}={m[2]}" if m else line) for (i, line), m in zip(lines, found, strict=True)]
 
 
 def _in_pairs(lines: list[tuple[int, str]]) -> list[tuple[int, str]]:

@@ -66,6 +66,22 @@ _AT_RATE = re.compile(
     r"|measure|captur)).*\bat\s+(\d[\d.,]*)\s*(k?)(?:hz|sps)\b",
     re.IGNORECASE | re.MULTILINE,
 )
+# As "20 scans/s", "10 frames per second", "every 50 ms"; and "10 Hz" where no word says what else may be so often.
+_SCANS_PER = re.compile(
+    r"(?<![\w.,])(\d[\d.,]*)\s*(k?)(?:scans?|samples?|frames?|readings?|sweeps?|lines?|rows?|mess\w*|bilder)\s*(?:/|per|pro|par|por|al?)\s*s(?:ec\w*|ek\w*)?\b"
+    r"|(?<![\w.,])(\d[\d.,]*)\s*(k?)fps\b",
+    re.IGNORECASE,
+)
+_EVERY = re.compile(
+    r"\b(?:every|each|alle|toutes les|tous les|cada|ogni|om de|elke|co)\s+(\d[\d.,]*)\s*(ms|s|sec|seconds|msec)\b"
+    r"|(?<![\w.,])(\d[\d.,]*)\s*(ms|s|sec|seconds|msec)\s+(?:apart|per (?:scan|row|line|sample|frame)|between)\b",
+    re.IGNORECASE,
+)
+_HERTZ = re.compile(
+    r"^(?!.*(?:filter|pass|cut-?off|mains|hum|notch|pwm|excit|shak|vibrat|osc|press|tap|indent|mov|cycl|strok|load|rotat"
+    r"|slid|noise|bandwidth|carrier|clock|sine|tone)).*?(?<![\w.,])(\d[\d.,]*)\s*(k?)hz\b",
+    re.IGNORECASE | re.MULTILINE,
+)
 # As National Instruments' programs write it, in seconds.
 _INCREMENT = re.compile(
     r"(?:^X_Dimension[\t;,]Time\b[\s\S]*?^Delta_X|^wf_increment)[\t;,]\s*([\d.,]+(?:E[+-]?\d+)?)",
@@ -175,8 +191,9 @@ def settled_time(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
                 return replace(mapping, time=even, time_unit=even)
             if even:
                 clues.ask(
-                    even, f"no name says the time, and {even!r} rises evenly: is it? Or give rate_hz", "time"
-                )
+                    even, f"no name says the time, and {even!r} rises evenly: is it? Or give rate_hz", "time",
+                    of_form=True,
+                )  # fmt: skip
             else:
                 text = f"the log has {len(rough)} scans and no time: how many scans per second?"
                 clues.ask("rate_hz", text, "50")
@@ -324,11 +341,35 @@ def _is_rate(step_s: float, rate_hz: float) -> bool:
 
 def _rate_above(clues: Clues) -> float | None:
     """Return the rate that the lines above the table say, if only one."""
-    rates = _rates_above(clues)
+    rates = _rates_above(clues) or _rates_in_words("\n".join(clues.table.preamble))
     if len(rates) != 1:
         return None
     clues.because(f"{min(rates):g} scans per second, by a line above the table")
     return rates.pop()
+
+
+def _rates_in_words(text: str) -> set[float]:
+    """Return the rates [Hz] that a log without a time says in passing.
+
+    Examples
+    --------
+    >>> _rates_in_words("pad 7, 20 scans/s"), _rates_in_words("a scan every 50 ms"), _rates_in_words("run 3, 10 Hz")
+    ({20.0}, {20.0}, {10.0})
+    >>> _rates_in_words("pressed at 2 Hz")
+    set()
+    """
+
+    def number(digits: str) -> float:
+        return number_of(digits.rstrip(".,"), "," if "," in digits else ".") or 0.0
+
+    said = {number(a or b) * (1000.0 if k or c else 1.0) for a, k, b, c in _SCANS_PER.findall(text)}
+    said |= {
+        1.0 / (number(a or b) * TIME_UNITS["ms" if (u or v).casefold().startswith("ms") else "s"])
+        for a, u, b, v in _EVERY.findall(text)
+        if number(a or b)
+    }
+    said = said or {number(a) * (1000.0 if k else 1.0) for a, k in _HERTZ.findall(text)}
+    return said - {0.0}
 
 
 def _rates_above(clues: Clues) -> set[float]:

@@ -19,6 +19,8 @@ _MARKS = (
     r"(?<![^\s,;|/:=(\[{<>'\"])"
     r"(?:-{1,5}(?!>)|\*{1,9}|_{1,5}|\.{1,5}|\?{1,3}|\+{2,9}|[-+]?\u221e|\u2013|\u2014)"
     r"(?![^\s,;|/:)\]}>'\"])"
+    r"|(?<=[A-Za-z])(?:-{2,5}|\*{2,5}|\?{2,5})(?=[A-Z\s,;|/:]|\Z)"  # as in "H----L----"
+    r"|(?<=[/:|])-{2,5}(?=>)"  # the last of a frame
 )
 _SEPARATORS = ";|,"
 _AROUND = frozenset("[](){}<>,;")  # a row, of which the first and the last have others
@@ -31,11 +33,11 @@ def _pattern(decimal: str) -> re.Pattern[str]:
     number = rf"(?:(?<![\w.])[+-])?(?:\d+(?:\{decimal}\d*)?|\{decimal}\d+)(?:[eE][+-]?\d+)?"
     return re.compile(
         rf"(?P<time>(?<![\w.])(?:{STAMP}|(?:{_DATE})(?:[T ]{_OF_DAY})?|{_OF_DAY})(?![\w]))"
-        rf"|(?P<hex>(?<![\w.])(?:{_HEX})(?![\w.]))"
+        rf"|(?P<hex>(?<![\w.])(?:{_HEX})(?![\w.])|(?<=\b[G-Zg-z])[\dA-Fa-f]{{6,8}}(?![\w.]))"
         rf"|(?P<value>{number}(?:\s?(?!S)(?i:{_UNITS})(?![\w]))?)"
         rf"|(?P<none>{_MARKS})"
         # A cross may stand between letters, as in "HxLx".
-        r"|(?P<word>[A-Z](?=x(?:[A-Z]x)*(?![^\W\d_]))|(?<=[A-Z])x(?![a-z])|[nN]/[aA](?!\w)|[^\W\d_]+)"
+        r"|(?P<word>[A-Z](?=(?:x|nan|NaN)(?:[A-Z](?:x|nan|NaN))*(?![^\W\d_]))|(?<=[A-Z])(?:x|nan|NaN)(?![a-z])|[nN]/[aA](?!\w)|\b(?:[^\W\d_]\.){2,}|[^\W\d_]+)"
         r"|(?P<other>\S)"
     )
 
@@ -45,11 +47,15 @@ _PATTERNS = {decimal: _pattern(decimal) for decimal in ".,"}
 
 @dataclass(frozen=True)
 class Line:
-    """A line's number, what it consists of (`VALUE`, `TIME`, `WORD` or the mark itself), and the texts of these."""
+    """A line's number, what it consists of (`VALUE`, `TIME`, `WORD` or the mark itself), and the texts of these.
+
+    And the numbers of further lines that are of the same record.
+    """
 
     number: int
     form: str
     texts: tuple[str, ...]
+    others: tuple[int, ...] = ()
 
 
 def parted(number: int, text: str, decimal: str = ".") -> Line:
@@ -144,7 +150,7 @@ def kinds_of_rows(lines: Sequence[Line]) -> list[list[Line]]:
 
     Words in the place of a value, and remarks behind all else, are of the form without them.
     """
-    lines = _with_marks(lines)
+    lines = with_marks(lines)
     many = Counter(line.form for line in lines)
     forms = [f for f, often in many.items() if often >= _FEW and VALUE in f]
     forms.sort(key=lambda f: -many[f] * f.count(VALUE))
@@ -156,20 +162,17 @@ def kinds_of_rows(lines: Sequence[Line]) -> list[list[Line]]:
     return found
 
 
-def _with_marks(lines: Sequence[Line]) -> list[Line]:
+def with_marks(lines: Sequence[Line]) -> list[Line]:
     """Return lines with a value for each word that stands in many lines where others of the same form have one."""
     alike: dict[str, list[Line]] = {}
     for line in lines:
         alike.setdefault(line.form.replace(WORD, VALUE), []).append(line)
     often: Counter[str] = Counter()
     for group in alike.values():
-        for symbols, texts in zip(
-            zip(*(g.form for g in group), strict=True),
-            zip(*(g.texts for g in group), strict=True),
-            strict=True,
-        ):
-            if {*symbols} == {WORD, VALUE}:
-                often.update(text for symbol, text in zip(symbols, texts, strict=True) if symbol == WORD)
+        mixed = [{*symbols} == {WORD, VALUE} for symbols in zip(*(g.form for g in group), strict=True)]
+        for g in group:  # a line of units or names has its words in no other
+            places = zip(g.form, g.texts, mixed, strict=True)
+            often.update({text for symbol, text, so in places if so and symbol == WORD})
     marks = {text for text, many in often.items() if many >= _FEW}
     return [
         replace(
@@ -189,7 +192,7 @@ def _as_of(line: Line, form: str) -> Line | None:
         return line
     if line.form.startswith(form) and WORD in line.form[len(form) :] and VALUE not in line.form[len(form) :]:
         return replace(line, form=form, texts=line.texts[: len(form)])
-    if len(line.form) != len(form):
+    if len(line.form) != len(form) or not {VALUE, TIME} & {*line.form}:  # units or names below each other
         return None
     unlike = [(a, b) for a, b in zip(line.form, form, strict=True) if a != b]
     alike = sum(a == b != WORD for a, b in zip(line.form, form, strict=True))

@@ -128,11 +128,7 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
         named.pop() if len(named) == 1 else _unit_by_size(clues, values, vref / scale, bits, volts)
     )
     open_unit = next((q for q in clues.questions if q.key == "unit"), None)
-    step = (
-        0.0
-        if bits or scale != 1.0 or conversion.bits_told(clues.table, vref)
-        else conversion.step_told(clues)
-    )
+    step = 0.0 if bits or scale != 1.0 else conversion.step_told(clues)
     if unit == "code" and not open_unit and 0.0 < step * values.max() <= (1.0 + _OFF_VREF) * (vref or np.inf):
         clues.because(f"codes of {step:g} V each, as the log says")
         mapping, scale, unit = replace(mapping, scale=step), step, "V"
