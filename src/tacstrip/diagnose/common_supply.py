@@ -28,8 +28,11 @@ _FAR = 0.15  # over Vref: readings nearer to the rail that holds tell no factor
 _LARGE = 4.0  # times what readings mostly do from one scan to the next: a jump
 _LEFT = 0.2  # of a jump: what one factor may leave
 _SAME, _NEAR = 0.1, 0.02  # of a logarithm, and of 1: factors that are one
-_TIMES, _ASKED = 4, 2  # jumps of this factor: a finding, if two are to and two back; a question
-_SHARE, _OF_LARGE = 0.6, 0.25  # of the jumps that a factor explains, and of all: those of this one
+_TIMES, _ASKED = 5, 2  # jumps of this factor: a finding, if two are to and two back; a question
+_SHARE, _OF_LARGE = (
+    0.6,
+    0.25,
+)  # of readings in jumps that a factor explains, and in all: those in jumps of this one
 _TURNS = 0.3  # of these, less one: that undo the one before, where none is unseen while nothing touches
 _BETTER, _SURE = 4.0, 10.0  # times as much is left by a movement along the strips: a question, and a finding
 _AT_END, _PARTS = 0.06, 3  # over Vref: a contact is at an end; of the recording, in the first and the last
@@ -112,17 +115,18 @@ def _one_factor(jumps: _Jumps, strips: int) -> tuple[float, int, int, float] | N
 
     The last is the ratio of the variances that are left by jumps of one amount and of one factor.
     """
-    sizes = np.abs(jumps.log_factor[jumps.explained])
-    if len(sizes) < _ASKED:
+    sizes, weight = np.abs(jumps.log_factor), jumps.known.sum(axis=1)
+    if not jumps.explained.any():
         return None
-    alike = np.abs(sizes[:, None] - sizes) <= np.maximum(_NEAR, _SAME * sizes)[:, None]
-    size = float(np.median(sizes[alike[np.argmax(alike.sum(axis=1))]]))
-    ours = jumps.explained & (np.abs(np.abs(jumps.log_factor) - size) <= max(_NEAR, _SAME * size))
+    told = sizes[jumps.explained]
+    alike = np.abs(told[:, None] - told) <= np.maximum(_NEAR, _SAME * told)[:, None]
+    size = float(np.median(told[alike[np.argmax(alike @ weight[jumps.explained])]]))
+    ours = jumps.explained & (np.abs(sizes - size) <= max(_NEAR, _SAME * size))
     away = jumps.log_factor[ours] < 0.0
     count, turns = len(away), int(np.count_nonzero(np.diff(away)))
-    if count < max(_ASKED, _SHARE * len(sizes), _OF_LARGE * len(ours)) or turns < max(
-        1.0, _TURNS * (count - 1)
-    ):
+    if count < _ASKED or turns < max(1.0, _TURNS * (count - 1)):
+        return None
+    if weight[ours].sum() < max(_SHARE * weight[jumps.explained].sum(), _OF_LARGE * weight.sum()):
         return None
     sound, lost = jumps.before[ours].copy(), jumps.after[ours].copy()
     sound[~away], lost[~away] = jumps.after[ours][~away], jumps.before[ours][~away]
