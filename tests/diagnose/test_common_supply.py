@@ -68,4 +68,4 @@ def test_a_wire_lost_and_found_once_is_a_question() -> None:
     findings, questions, _ = loose_supply(Log.of(_SENSOR, _TIME_S, {"kh": k[0], "kl": k[1]}))
     assert not findings
     assert [(q.strips, q.causes) for q in questions] == [((), ("loose-ground",))]
-    assert "Hold a contact still while you move the wires" in questions[0].ask()
+    assert "Press at three heights in turn while you move the wires" in questions[0].ask()

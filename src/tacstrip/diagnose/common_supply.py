@@ -32,7 +32,7 @@ _TIMES, _ASKED = 5, 2  # jumps of this factor: a finding, if two are to and two 
 _SHARE, _OF_LARGE = (
     0.6,
     0.25,
-)  # of readings in jumps that a factor explains, and in all: those in jumps of this one
+)  # of readings in jumps that a factor explains, and in all of half its size: those in jumps of this one
 _TURNS = 0.3  # of these, less one: that undo the one before, where none is unseen while nothing touches
 _BETTER, _SURE = 4.0, 10.0  # times as much is left by a movement along the strips: a question, and a finding
 _AT_END, _PARTS = 0.06, 3  # over Vref: a contact is at an end; of the recording, in the first and the last
@@ -67,13 +67,13 @@ def loose_supply(log: Log) -> tuple[list[Finding], list[Question], str]:
         seen = _one_factor(_jumps(distance, log.time_s), log.sensor.strips)
         if seen is None:
             continue
-        size, away, back, better = seen
+        size, away, back, better, sure = seen
         share = 1.0 - float(np.exp(-size))
         evidence = (
             f"all readings go {100.0 * share:.2g} % of the way to {LOOSE[fault]} from one scan to the next, together, "
             f"{away} times, and come back {back} times; a movement along the strips leaves {better:.2g} times as much"
         )
-        if away + back >= _TIMES and min(away, back) >= _ASKED and better > _SURE:
+        if sure:
             numbers = {"share": share, "jumps": float(away + back)}
             told.append((better, Finding(fault, (), evidence, numbers)))
         else:
@@ -110,10 +110,10 @@ def _jumps(distance: FloatArray, time_s: FloatArray) -> _Jumps:
     )
 
 
-def _one_factor(jumps: _Jumps, strips: int) -> tuple[float, int, int, float] | None:
-    """Return the logarithm of the factor of most jumps, how many go away and come back, and how sure that is.
+def _one_factor(jumps: _Jumps, strips: int) -> tuple[float, int, int, float, bool] | None:
+    """Return the logarithm of the factor of most jumps, how many go away and come back, how well it fits, whether surely.
 
-    The last is the ratio of the variances that are left by jumps of one amount and of one factor.
+    It fits by the ratio of the variances that are left by jumps of one amount and of one factor.
     """
     sizes, weight = np.abs(jumps.log_factor), jumps.known.sum(axis=1)
     if not jumps.explained.any():
@@ -126,18 +126,27 @@ def _one_factor(jumps: _Jumps, strips: int) -> tuple[float, int, int, float] | N
     count, turns = len(away), int(np.count_nonzero(np.diff(away)))
     if count < _ASKED or turns < max(1.0, _TURNS * (count - 1)):
         return None
-    if weight[ours].sum() < max(_SHARE * weight[jumps.explained].sum(), _OF_LARGE * weight.sum()):
+    if weight[ours].sum() < max(
+        _SHARE * weight[jumps.explained].sum(), _OF_LARGE * weight[sizes > 0.5 * size].sum()
+    ):
         return None
     sound, lost = jumps.before[ours].copy(), jumps.after[ours].copy()
     sound[~away], lost[~away] = jumps.after[ours][~away], jumps.before[ours][~away]
     known = jumps.known[ours]
     if known.reshape(-1, strips).any(axis=0).sum() < _STRIPS:
         return None  # a strip of its own
-    sound, change = sound[known], (sound - lost)[known]
-    factor = (change @ sound) / (sound @ sound)
-    left = float(np.sum((change - factor * sound) ** 2))
-    better = float(np.sum((change - change.mean()) ** 2)) / max(left, 1e-12)
-    return (size, int(away.sum()), count - int(away.sum()), better) if better > _BETTER else None
+    change = np.where(known, sound - lost, 0.0)
+    factor = np.sum(change * sound) / np.sum(sound**2)
+    left = max(float(np.sum((change - factor * sound)[known] ** 2)), 1e-12)
+    better = float(np.sum((change[known] - change[known].mean()) ** 2)) / left
+    # Between the same two places each reading changes by an amount of its own.
+    times, same = known.sum(axis=0), change.sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+    apart = np.inf
+    if (free := int((times - 1)[times > 0].sum())) > 0:
+        apart = float(np.sum((change - same)[known] ** 2)) / left * times.sum() / free
+    sure = better > _SURE and apart > _BETTER and count >= _TIMES
+    gone, back = int(away.sum()), int((~away).sum())
+    return (size, gone, back, better, bool(sure and min(gone, back) >= _ASKED)) if better > _BETTER else None
 
 
 def _lasting(log: Log, readings: FloatArray) -> str:
