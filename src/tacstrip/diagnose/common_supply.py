@@ -111,7 +111,7 @@ def _jumps(distance: FloatArray, time_s: FloatArray) -> _Jumps:
 
 
 def _one_factor(jumps: _Jumps, strips: int) -> tuple[float, int, int, float, bool] | None:
-    """Return the logarithm of the factor of most jumps, how many go away and come back, how well it fits, whether surely.
+    """Return the logarithm of the factor of most jumps, how many go and come back, how well it fits and if surely.
 
     It fits by the ratio of the variances that are left by jumps of one amount and of one factor.
     """
