@@ -11,7 +11,7 @@ from tacstrip.sensor.spec import Sensor
 _SCANS, _STRIPS, _LENGTH_MM = 240, 6, 100.0
 _SENSOR = Sensor(construction="crs-crs", strips=_STRIPS, pitch_mm=5.0, length_mm=_LENGTH_MM)
 _METAL = Sensor(construction="crs-m", strips=_STRIPS, pitch_mm=5.0, length_mm=_LENGTH_MM)
-_TIME_S = 0.01 * np.arange(_SCANS)
+_TIME_S = np.linspace(0.0, 0.01 * (_SCANS - 1), _SCANS)
 _LOST = (np.arange(_SCANS) // 12) % 3 == 2  # 12 of 36 scans
 
 
