@@ -8,6 +8,7 @@ from tacstrip.diagnose import Log, diagnose
 from tacstrip.diagnose.channels import not_moving
 from tacstrip.diagnose.drift import _outstanding_at_rest
 from tacstrip.diagnose.hum import _mains_lines
+from tacstrip.diagnose.lost import lost
 from tacstrip.diagnose.neighbour_prediction import working_copy
 
 _STRIPS, _SCANS, _RATE_HZ = 16, 700, 43.0
@@ -54,6 +55,15 @@ def test_a_strip_that_is_gone_for_a_stretch_or_from_then_on(until: float) -> Non
 
 def test_a_gap_between_two_bars_is_no_strip_that_is_gone() -> None:
     assert _said(*_recording(gap=True))[0] == []
+
+
+def test_a_strip_that_is_gone_now_and_then_under_a_contact_that_moves() -> None:
+    time_s, k = _recording()
+    k[:, (np.arange(_SCANS) // 5) % 4 == 0, 6] = 0.02
+    findings, questions = lost(working_copy(Log.of(_SENSOR, time_s, {"kh": k[0], "kl": k[1]}), 0.001))
+    assert [(f.fault, f.strips) for f in findings] == [("intermittent", (6,))]
+    assert findings[0].numbers["share"] == pytest.approx(0.25, abs=0.05)
+    assert questions == []
 
 
 def test_one_strip_has_four_times_the_noise() -> None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.diagnose.channels import clipped, never_touched, not_moving, on_rails
+from tacstrip.diagnose.common_supply import LOOSE, loose_supply
 from tacstrip.diagnose.converter import common_ceiling, single_ceilings, stuck_bits, wrong_reference
 from tacstrip.diagnose.drift import Drifts, drift
 from tacstrip.diagnose.exchanged import out_of_order, swapped_ends, swapped_strips, swapped_wires, tied_wires
@@ -191,8 +192,8 @@ class _Examined:
 
     findings: broken ones first; removed: those of them that were repaired in `rows`, a row for each place. notes: of
     drift; least_drift: of each strip that would be told, over Vref (strips,); settled: strips whose drift needs no
-    quarters. at_rest: whether, and how, strips that nothing touches count as touched. unchecked: of intermittent
-    contacts, bits and hum.
+    quarters. at_rest: whether, and how, strips that nothing touches count as touched. unchecked: of loose
+    wires, bits and hum.
     """
 
     findings: tuple[Finding, ...]
@@ -218,6 +219,9 @@ def _examined(part: Log, kinds: Set[str] = FAULTS.keys(), sought: Set[_Place] = 
     pressed = list(pressure(part)) if geometric and "pressure" in kinds else []
     reference, unsure, factor = (
         wrong_reference(part, sigma) if "wrong-vref" in kinds and not (ceiling or pressed) else ([], [], 1.0)
+    )
+    lifted, may_lift, no_lift = (
+        loose_supply(part) if geometric and not pressed and kinds & LOOSE.keys() else ([], [], "")
     )
     work = working_copy(_without_strays(part), sigma)
     work.drop(*np.flatnonzero(left_out_wholly(sensor)).tolist())
@@ -267,9 +271,9 @@ def _examined(part: Log, kinds: Set[str] = FAULTS.keys(), sought: Set[_Place] = 
     # Hum is noise, too.
     noisy = [f for f in excess_noise(noise) if f.strips not in loud] if "noise" in kinds else []
     late = [f for f in (*slow.findings, *noisy) if not pressed and not known & set(f.strips)]
-    findings = [*bits, *reference, *ceiling, *removed, *humming, *late]
+    findings = [*bits, *lifted, *reference, *ceiling, *removed, *humming, *late]
     asked = (
-        (*unsure, *_questions(rows, known, [*doubted, *slow.questions]))
+        (*may_lift, *unsure, *_questions(rows, known, [*doubted, *slow.questions]))
         if geometric and not (pressed or ceiling)
         else ()
     )
@@ -285,6 +289,7 @@ def _examined(part: Log, kinds: Set[str] = FAULTS.keys(), sought: Set[_Place] = 
         at_rest=at_rest,
         unchecked=(
             "intermittent contacts: the rest level is not given" if at_rest and geometric else "",
+            no_lift,
             no_bits,
             no_hum,
         ),

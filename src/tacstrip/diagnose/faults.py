@@ -107,7 +107,9 @@ class Question:
         titles = " or ".join(FAULTS[cause].title for cause in self.causes)
         if not self.strips:
             ends = "Push a contact over each end of the strips, until it is off"
-            what = ends if "wrong-vref" in self.causes else "Record all strips once more, for longer"
+            wires = "Press at three heights in turn while you move the wires that the strips share"
+            asks = {"wrong-vref": ends, "loose-ground": wires, "loose-supply": wires}
+            what = asks.get(self.causes[0], "Record all strips once more, for longer")
             return f"{titles}? {what}, and run doctor again"
         names = " and ".join(str(i + strip_base) for i in self.strips)
         return (

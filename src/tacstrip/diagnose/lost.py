@@ -1,4 +1,4 @@
-"""A strip that works and then reads no contact for a stretch of the recording, or from there on."""
+"""A strip that works and then reads no contact for a stretch of the recording, from there on, or now and then."""
 
 from __future__ import annotations
 
@@ -17,13 +17,18 @@ _AMID, _MANY, _VISITS = 2, 20, 3  # strips on either side, scans, and times that
 _STRAY = 0.1  # of the scans
 _SOUND = 0.2  # of the scans across the strip outside the stretch: a gap between objects is not of one stretch
 _MOST = 2  # strips: more are gaps between objects
+_OFTEN, _OTHERS = (
+    0.7,
+    4.0,
+)  # of the scans across a strip: more is no gap now and then; times any other strip's gaps
 
 
 def lost(work: WorkingCopy) -> tuple[list[Finding], list[Question]]:
     """Find strips that read no contact for a stretch, while one contact moves over them and over both neighbours.
 
-    One object has no gap there, and a gap between two stays between them: it moves with the contact's middle. What
-    a strip lacks then is marked in the working copy as touched, without a reading.
+    Or now and then, where the other strips hardly ever do. One object has no gap there, and a gap between two stays
+    between them: it moves with the contact's middle. What a strip lacks then is marked in the working copy as
+    touched, without a reading.
 
     Parameters
     ----------
@@ -60,7 +65,8 @@ def lost(work: WorkingCopy) -> tuple[list[Finding], list[Question]]:
             found.append((strip, stretch, gap, moved, amid))
     findings: list[Finding] = []
     asked: list[Question] = []
-    for strip, stretch, gap, moved, amid in found if len(found) <= _MOST else []:
+    found = found if len(found) <= _MOST else []
+    for strip, stretch, gap, moved, amid in found:
         begin, end = float(work.time_s[stretch.start]), float(work.time_s[stretch.stop - 1])
         until = f"to {end:.4g} s" if stretch.stop < len(gap) else "on to the end"
         evidence = (
@@ -74,6 +80,21 @@ def lost(work: WorkingCopy) -> tuple[list[Finding], list[Question]]:
         elif amid:
             asked.append(Question((number,), ("intermittent",), evidence))
         work.there[gap, strip] = True
+    gaps = over & ~work.there
+    count, named = gaps.sum(axis=0), [strip for strip, *_ in found]
+    for strip in np.flatnonzero(count >= np.maximum(_FEWEST, _OTHERS * np.sort(count)[-1 - _MOST])).tolist():
+        gap, read = gaps[:, strip], over[:, strip] & work.there[:, strip]
+        share = count[strip] / over[:, strip].sum()
+        if strip in named or share > _OFTEN or read.sum() < _FEWEST or _cut(work, heights, strip, gap, read):
+            continue
+        if moved_across((right - left)[gap, strip]):
+            evidence = (
+                f"reads no contact in {count[strip]} scans, {100 * share:.2g} % of those in which one covers both its "
+                "neighbours, and moves across them; other strips hardly ever do"
+            )
+            numbers = {"scans": float(count[strip]), "share": float(share)}
+            findings.append(Finding("intermittent", (int(work.order[strip]),), evidence, numbers))
+            work.there[gap, strip] = True
     return findings, asked
 
 
