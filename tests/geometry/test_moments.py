@@ -34,10 +34,11 @@ def test_slopes_agree_with_differences(seed: int, corners: int) -> None:
         step = np.zeros(v.size)
         step[at] = 1e-4
         after, before = v + step.reshape(-1, 2), v - step.reshape(-1, 2)
-        area, centroid, (xx, yy, xy) = (
-            a - b for a, b in zip(m.moments(after), m.moments(before), strict=True)
-        )
-        moved = np.array([area, *centroid, xx - yy, 2.0 * xy])
+        ends = [
+            np.array([area, *centroid, xx - yy, 2.0 * xy])
+            for area, centroid, (xx, yy, xy) in map(m.moments, (after, before))
+        ]
+        moved = ends[0] - ends[1]
         np.testing.assert_allclose(slopes[:, at], moved / 2e-4, rtol=1e-4, atol=1e-6)
 
 
