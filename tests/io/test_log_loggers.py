@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -118,6 +120,31 @@ def test_pins_in_the_opposite_order_are_asked(said: str) -> None:
     turned, _ = read(text, SHEET, unit="code", strip_order="descending")
     plain, _ = read(text.replace(said, "# bench"), SHEET, unit="code")
     np.testing.assert_array_equal(turned, plain[:, ::-1])
+
+
+def test_inputs_are_of_the_strips_that_a_list_gives_them() -> None:
+    codes = [
+        ",".join(
+            [
+                f"{100 * n}",
+                *(
+                    "-,-" if o else f"{200 * v:.0f},{100 * v:.0f}"
+                    for v, o in zip(OUT[n], OPEN[n], strict=True)
+                ),
+            ]
+        )
+        for n in range(N)
+    ]
+    names = ",".join(f"C{s}H,C{s}L" for s in range(4))
+    log = "\n".join(["# mux channel = strip (1..4): C0=3, C1=1, C2=4, C3=2", f"ms,{names}", *codes])
+    pad = replace(PAD, adc_bits=10)
+    wired, _ = read(log, pad, unit="code")
+    plain, _ = read(log.partition("\n")[2], pad, unit="code")
+    np.testing.assert_array_equal(wired[:, [2, 0, 3, 1]], plain)
+    with pytest.raises(Unanswered, match="mux order"):
+        read(
+            log.replace("channel = strip (1..4): C0=3, C1=1, C2=4, C3=2", "order: 3 1 4 2"), pad, unit="code"
+        )
 
 
 def test_frames_whose_identifiers_follow_each_other_are_the_strips() -> None:
