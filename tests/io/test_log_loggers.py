@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import tacstrip as ts
+from tacstrip.io.log_import.containers import read_table
 from tacstrip.io.log_import.guess import propose
 from tacstrip.io.log_import.questions import Unanswered
 from tacstrip.io.log_import.text import of_text
@@ -145,6 +147,39 @@ def test_inputs_are_of_the_strips_that_a_list_gives_them() -> None:
         read(
             log.replace("channel = strip (1..4): C0=3, C1=1, C2=4, C3=2", "order: 3 1 4 2"), pad, unit="code"
         )
+
+
+def test_two_ends_are_told_apart_where_strips_are_touched() -> None:
+    noise = np.random.default_rng(0).uniform(0.001, 0.02, (N, 4, 2))
+    cells = np.where(OPEN[..., None], noise, np.stack([HIGH, LOW], axis=2))
+    names = ",".join(f"S{s} {end} (V)" for s in range(4) for end in ("upper", "lower"))
+    log = [
+        f"time (s),{names}",
+        *(f"{0.1 * n:.1f}," + ",".join(f"{v:.4f}" for v in cells[n].flat) for n in range(N)),
+    ]
+    rested = replace(PAD, rest_volt=0.0, touch_volt=0.06)
+    values, _ = read("\n".join(log), rested)
+    np.testing.assert_allclose(values, cells, atol=1e-4)
+
+
+def test_a_sheet_of_two_ends_under_headings_in_percent_beside_one_of_notes(tmp_path: Path) -> None:
+    """A reading of 75 % was taken for a row of quartiles."""
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    book.active.append(["Pad 2, 14 March"])
+    sheet = book.create_sheet("run")
+    sheet.append([None, "Upper end, % of Vref", *[None] * 4, "Lower end (ground side), %"])
+    sheet.append(["t / s", *"ABCD", None, *"ABCD"])
+    high, low = (np.where(OPEN, np.nan, np.round(v / 5.0, 3)) for v in (HIGH, LOW))
+    high[np.isfinite(high) & (high > 0.7)] = 0.75
+    for n in range(N):
+        cells = [[None if np.isnan(v) else float(v) for v in end[n]] for end in (high, low)]
+        sheet.append([0.1 * n, *cells[0], None, *cells[1]])
+        for cell in sheet[sheet.max_row][1:]:
+            cell.number_format = "0.0%"
+    book.save(tmp_path / "log.xlsx")
+    scans = propose(read_table(tmp_path / "log.xlsx"), PAD).scans
+    np.testing.assert_allclose([s.values / 100.0 for s in scans], np.stack([high, low], axis=2), atol=1e-9)
 
 
 def test_frames_whose_identifiers_follow_each_other_are_the_strips() -> None:

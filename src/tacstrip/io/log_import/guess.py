@@ -19,7 +19,7 @@ from tacstrip.io.log_import.changes import ask_for_notes
 from tacstrip.io.log_import.channel_lines import inputs_as_columns
 from tacstrip.io.log_import.columns import Columns, find_columns
 from tacstrip.io.log_import.doubts import raise_doubts
-from tacstrip.io.log_import.ends import above
+from tacstrip.io.log_import.ends import above, noise
 from tacstrip.io.log_import.fields import STAMP, is_garbled
 from tacstrip.io.log_import.mapping import STRIP_ORDERS, ColumnMapping
 from tacstrip.io.log_import.names import CLOCKS, IN_VOLTS, is_strip_word, meaning, meanings
@@ -405,6 +405,8 @@ def _with_ends(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list
     columns = mapping.columns
     swapped = {n: what[:-1] + {"h": "l", "l": "h"}[what[-1]] for n, what in columns.items()}
     if found.paired:
+        idle = noise(both.reshape(len(both), -1))  # where nothing touches, either may be the larger
+        high, low = (np.where(end <= idle, 0.0, end) for end in (high, low))
         if not (above(high, low) or above(low, high)):
             name = next(iter(columns))
             clues.ask(name, "which of the two channels is v_h? Neither is the larger everywhere", "h", "l")
