@@ -182,6 +182,38 @@ def test_a_sheet_of_two_ends_under_headings_in_percent_beside_one_of_notes(tmp_p
     np.testing.assert_allclose([s.values / 100.0 for s in scans], np.stack([high, low], axis=2), atol=1e-9)
 
 
+def test_points_of_thousands_beside_decimal_commas() -> None:
+    lines = [r.replace(".", ",").partition(";")[2] for r in rows(";")]
+    times = [f"{120 * n:,}".replace(",", ".") for n in range(N)]
+    log = [
+        "Zeit [ms];S1 [V];S2 [V];S3 [V];S4 [V]",
+        *(f"{t};{r}" for t, r in zip([*times[:-1], "1.080"], lines, strict=True)),
+    ]
+    values, at = read("\n".join(log), SHEET)
+    assert is_out(values)
+    np.testing.assert_allclose(at[-1], 1.08)
+
+
+def test_letters_of_strips_may_leave_out_those_that_look_like_others() -> None:
+    names = ",".join(f"{c} [V]" for c in "ABCDEFGHIK")
+    lines = [",".join(f"{v:.1f}" for v in (0.1 * n, *(s + 0.1 * n for s in range(10)))) for n in range(N)]
+    sensor = replace(SHEET, strips=10, vref_volt=12.0)
+    values, _ = read("\n".join([f"t [s],{names}", *lines]), sensor, untouched="none")
+    np.testing.assert_allclose(values[1, :, 0], np.arange(10) + 0.1)
+
+
+def test_sums_of_conversions_are_divided_by_how_many_the_log_says() -> None:
+    sums = 8 * np.round(np.stack([200 * HIGH, 100 * LOW], axis=2)).astype(int)
+    said = "# each number is the sum of 8 conversions"
+    log = [said, "# scan, strip, sum upper end, sum lower end"]
+    for n, s in np.ndindex(N, 4):
+        log.append(f"{n},{s + 1}," + ("x,x" if OPEN[n, s] else "{},{}".format(*sums[n, s])))
+    found = propose(of_text("\n".join(log)), replace(PAD, adc_bits=10), {"rate_hz": "10"})
+    assert (found.mapping.unit, found.mapping.scale) == ("code", 0.125)
+    with pytest.raises(Unanswered, match="codes reach"):
+        read("\n".join(log).replace(said, "# bench"), replace(PAD, adc_bits=10), rate_hz="10")
+
+
 def test_frames_whose_identifiers_follow_each_other_are_the_strips() -> None:
     lines = ["# id 0x200+strip, data[0..1]=upper end, data[2..3]=ground end, big endian, mV; FFFF = open"]
     for n in range(N):

@@ -412,6 +412,10 @@ def decimal_mark(rows: Sequence[Sequence[str]]) -> str:
     points = [f for column in columns for f in column if point.fullmatch(f)]
     if any(re.fullmatch(r"[+-]?\d{1,3}(\.\d{3})+,\d+", f) for row in rows for f in row):
         return ","
+    if commas:  # points of thousands, beside smaller numbers of three digits without
+        whole = [c for c in columns if any("." in f for f in c) and any(re.fullmatch(r"\d{3}", f) for f in c)]
+        whole = [c for c in whole if all(re.fullmatch(r"\d{1,3}|[1-9]\d{0,2}(\.\d{3})+", f) for f in c)]
+        points = [f for c in columns if c not in whole for f in c if point.fullmatch(f)]
     if commas and points:
         raise ReadingError(
             f"decimal points ({points[0]!r}) and decimal commas ({commas[0]!r}) in one log; save "
