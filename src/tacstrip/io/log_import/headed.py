@@ -320,7 +320,7 @@ def _joined(rows: list[list[str]]) -> list[str]:
 
 def _below_an_end(told: list[str]) -> str:
     """Return the last of a column's names, with the end and the unit that a heading above it says: "Upper end, mV"."""
-    for heading in told[:-1]:
+    for heading in told[:-1] if meaning(told[-1]).role != "time" else ():
         if found := _OF_AN_END.fullmatch(heading):
             unit = UNITS.get((found["unit"] or "").lower(), "")
             if meaning(found["end"]).channel and (unit or not found["unit"]):
