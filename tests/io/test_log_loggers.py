@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import tacstrip as ts
+from tacstrip.io.log_import.containers import read_table
 from tacstrip.io.log_import.guess import propose
 from tacstrip.io.log_import.questions import Unanswered
 from tacstrip.io.log_import.text import of_text
@@ -118,6 +122,96 @@ def test_pins_in_the_opposite_order_are_asked(said: str) -> None:
     turned, _ = read(text, SHEET, unit="code", strip_order="descending")
     plain, _ = read(text.replace(said, "# bench"), SHEET, unit="code")
     np.testing.assert_array_equal(turned, plain[:, ::-1])
+
+
+def test_inputs_are_of_the_strips_that_a_list_gives_them() -> None:
+    codes = [
+        ",".join(
+            [
+                f"{100 * n}",
+                *(
+                    "-,-" if o else f"{200 * v:.0f},{100 * v:.0f}"
+                    for v, o in zip(OUT[n], OPEN[n], strict=True)
+                ),
+            ]
+        )
+        for n in range(N)
+    ]
+    names = ",".join(f"C{s}H,C{s}L" for s in range(4))
+    log = "\n".join(["# mux channel = strip (1..4): C0=3, C1=1, C2=4, C3=2", f"ms,{names}", *codes])
+    pad = replace(PAD, adc_bits=10)
+    wired, _ = read(log, pad, unit="code")
+    plain, _ = read(log.partition("\n")[2], pad, unit="code")
+    np.testing.assert_array_equal(wired[:, [2, 0, 3, 1]], plain)
+    with pytest.raises(Unanswered, match="mux order"):
+        read(
+            log.replace("channel = strip (1..4): C0=3, C1=1, C2=4, C3=2", "order: 3 1 4 2"), pad, unit="code"
+        )
+
+
+def test_two_ends_are_told_apart_where_strips_are_touched() -> None:
+    noise = np.random.default_rng(0).uniform(0.001, 0.02, (N, 4, 2))
+    cells = np.where(OPEN[..., None], noise, np.stack([HIGH, LOW], axis=2))
+    names = ",".join(f"S{s} {end} (V)" for s in range(4) for end in ("upper", "lower"))
+    log = [
+        f"time (s),{names}",
+        *(f"{0.1 * n:.1f}," + ",".join(f"{v:.4f}" for v in cells[n].flat) for n in range(N)),
+    ]
+    rested = replace(PAD, rest_volt=0.0, touch_volt=0.06)
+    values, _ = read("\n".join(log), rested)
+    np.testing.assert_allclose(values, cells, atol=1e-4)
+
+
+def test_a_sheet_of_two_ends_under_headings_in_percent_beside_one_of_notes(tmp_path: Path) -> None:
+    """A reading of 75 % was taken for a row of quartiles."""
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    book.active.append(["Pad 2, 14 March"])
+    sheet = book.create_sheet("run")
+    sheet.append([None, "Upper end, % of Vref", *[None] * 4, "Lower end (ground side), %"])
+    sheet.append(["t / s", *"ABCD", None, *"ABCD"])
+    high, low = (np.where(OPEN, np.nan, np.round(v / 5.0, 3)) for v in (HIGH, LOW))
+    high[np.isfinite(high) & (high > 0.7)] = 0.75
+    for n in range(N):
+        cells = [[None if np.isnan(v) else float(v) for v in end[n]] for end in (high, low)]
+        sheet.append([0.1 * n, *cells[0], None, *cells[1]])
+        for cell in sheet[sheet.max_row][1:]:
+            cell.number_format = "0.0%"
+    book.save(tmp_path / "log.xlsx")
+    scans = propose(read_table(tmp_path / "log.xlsx"), PAD).scans
+    np.testing.assert_allclose([s.values / 100.0 for s in scans], np.stack([high, low], axis=2), atol=1e-9)
+
+
+def test_points_of_thousands_beside_decimal_commas() -> None:
+    lines = [r.replace(".", ",").partition(";")[2] for r in rows(";")]
+    times = [f"{120 * n:,}".replace(",", ".") for n in range(N)]
+    log = [
+        "Zeit [ms];S1 [V];S2 [V];S3 [V];S4 [V]",
+        *(f"{t};{r}" for t, r in zip([*times[:-1], "1.080"], lines, strict=True)),
+    ]
+    values, at = read("\n".join(log), SHEET)
+    assert is_out(values)
+    np.testing.assert_allclose(at[-1], 1.08)
+
+
+def test_letters_of_strips_may_leave_out_those_that_look_like_others() -> None:
+    names = ",".join(f"{c} [V]" for c in "ABCDEFGHIK")
+    lines = [",".join(f"{v:.1f}" for v in (0.1 * n, *(s + 0.1 * n for s in range(10)))) for n in range(N)]
+    sensor = replace(SHEET, strips=10, vref_volt=12.0)
+    values, _ = read("\n".join([f"t [s],{names}", *lines]), sensor, untouched="none")
+    np.testing.assert_allclose(values[1, :, 0], np.arange(10) + 0.1)
+
+
+def test_sums_of_conversions_are_divided_by_how_many_the_log_says() -> None:
+    sums = 8 * np.round(np.stack([200 * HIGH, 100 * LOW], axis=2)).astype(int)
+    said = "# each number is the sum of 8 conversions"
+    log = [said, "# scan, strip, sum upper end, sum lower end"]
+    for n, s in np.ndindex(N, 4):
+        log.append(f"{n},{s + 1}," + ("x,x" if OPEN[n, s] else "{},{}".format(*sums[n, s])))
+    found = propose(of_text("\n".join(log)), replace(PAD, adc_bits=10), {"rate_hz": "10"})
+    assert (found.mapping.unit, found.mapping.scale) == ("code", 0.125)
+    with pytest.raises(Unanswered, match="codes reach"):
+        read("\n".join(log).replace(said, "# bench"), replace(PAD, adc_bits=10), rate_hz="10")
 
 
 def test_frames_whose_identifiers_follow_each_other_are_the_strips() -> None:

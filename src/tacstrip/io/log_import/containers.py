@@ -168,13 +168,18 @@ def _cells(sheet: Any, file: Path) -> list[list[Any]]:
     """Return the cells of a sheet, each row as far as it is filled: the size that the sheet states may be wrong."""
     sheet.reset_dimensions()
     rows: list[list[Any]] = []
-    for row in sheet.iter_rows(values_only=True):
-        rows.append(list(row))
+    for row in sheet.iter_rows():
+        rows.append([_shown(c.value, c.value is not None and "%" in (c.number_format or "")) for c in row])
         if len(rows) > _MOST_ROWS:
             raise ReadingError(
                 f"{file}: sheet {sheet.title!r} has more rows than a sheet can have: it is damaged"
             )
     return rows
+
+
+def _shown(value: Any, percent: bool) -> Any:
+    """Return what a cell holds, as the sheet shows it where that is in percent: 45.2% for 0.452."""
+    return f"{100.0 * value:.12g}%" if percent and isinstance(value, int | float) else value
 
 
 def _open_document(file: Path) -> dict[str, list[list[Any]]]:
@@ -204,7 +209,7 @@ def _cell(cell: ET.Element) -> Any:
     """Return what a cell of OpenDocument holds, as other workbooks have it; None where that is nothing."""
     shown = "\n".join("".join(p.itertext()) for p in cell.findall(f"{_TEXT}p"))
     if (number := cell.get(f"{_OFFICE}value")) is not None:
-        return float(number)
+        return _shown(float(number), cell.get(f"{_OFFICE}value-type") == "percentage")
     return cell.get(f"{_OFFICE}date-value") or shown or None
 
 
@@ -220,7 +225,7 @@ def _of_workbook(file: Path, sheets: dict[str, list[list[Any]]], name: str | Non
         with suppress(ReadingError):  # as of a sheet of notes
             tables[title] = _of_cells(rows, file)
     read = [title for title, table in tables.items() if table.named and table.rows and _holds_readings(table)]
-    read = [title for title in read if _names_strips(tables[title])] or read
+    read = [title for title in read if _names_strips(tables[title])] or read or [*tables]
     kept = {title: tables[title] for title in read}
     if both := of_two_channels(kept):
         return both

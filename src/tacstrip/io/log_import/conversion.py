@@ -51,6 +51,11 @@ _SHIFTED = re.compile(
     r"(?:volt\w*|pin|reading|signal|value|adc)\b",
     re.IGNORECASE,
 )
+_SUM = re.compile(
+    r"\bsums? (?:of|over) (\d+) (?:\S+ ){0,2}?(?:conversions?|samples?|readings?|values?|measurements?|codes)\b",
+    re.IGNORECASE,
+)
+_DIVIDED = re.compile(r"[/\u00f7]|>>|divid|mean\b|averag", re.IGNORECASE)
 _OVER_VREF = re.compile(r"\bdivided? by v_?ref", re.IGNORECASE)
 _NUMBER = r"\d+(?:\.\d+)?"
 _ALONE = re.compile(rf"(?<![\w.])(?:[x\u00d7] ?)?({_NUMBER})(?![\w.]*\d)")
@@ -104,11 +109,26 @@ def repeated_s(table: Table) -> set[float]:
     return {float(n or 1) * TIME_UNITS[_PERIODS.get(u[:1].casefold(), "s")] for n, u in found if n != "0"}
 
 
+def summed(lines: Sequence[str]) -> int:
+    """Return of how many conversions each reading is the sum, as lines say; 0 where none or several do.
+
+    Examples
+    --------
+    >>> summed(["every number is the SUM of 8 conversions"]), summed(["sum of 8 samples / 8"])
+    (8, 0)
+    """
+    found = {int(m[1]) for line in lines if not _DIVIDED.search(line) for m in _SUM.finditer(line)}
+    return found.pop() if len(found) == 1 else 0
+
+
 def factor(clues: Clues) -> float:
     """Return by what readings are to be multiplied; asked where a line speaks of a divider, a gain or a factor."""
     answer = clues.number("scale")
     if answer is not None:
         return answer or 1.0
+    if many := summed(clues.table.preamble):
+        clues.because(f"readings are sums of {many}, as the log says above them: divided by that")
+        return 1.0 / many
     for line in clues.table.preamble:
         text = _bare(line)
         if _SHIFTED.search(text):

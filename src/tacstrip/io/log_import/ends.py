@@ -161,7 +161,7 @@ def order_of_ends(clues: Clues, names: list[str], said: str, low_first: bool = F
         _OFTEN * many.total(), 2
     ):  # full scale stands for no contact, too
         table[table == top] = 0.0
-    if below := _noise(table):
+    if below := noise(table):
         table[table <= below] = 0.0
     half = len(names) // 2
     if told := next(filter(None, (told_channels(line, half) for line in clues.table.preamble)), ""):
@@ -207,7 +207,7 @@ def _part_below(high: FloatArray, low: FloatArray) -> float:
     return float((apart < -_APART * np.nanmax(high)).mean()) if np.median(apart) > 0.0 else 1.0
 
 
-def _noise(table: FloatArray) -> float:
+def noise(table: FloatArray) -> float:
     """Return the most that the noise of untouched strips reaches, where a gap parts it from the readings; else 0."""
     values = np.unique(table[np.isfinite(table)])
     low = values[values < _REST * values.max(initial=0.0)]

@@ -19,14 +19,19 @@ from tacstrip.io.log_import.changes import ask_for_notes
 from tacstrip.io.log_import.channel_lines import inputs_as_columns
 from tacstrip.io.log_import.columns import Columns, find_columns
 from tacstrip.io.log_import.doubts import raise_doubts
-from tacstrip.io.log_import.ends import above
+from tacstrip.io.log_import.ends import above, noise
 from tacstrip.io.log_import.fields import STAMP, is_garbled
 from tacstrip.io.log_import.mapping import STRIP_ORDERS, ColumnMapping
-from tacstrip.io.log_import.names import CLOCKS, IN_VOLTS, meaning, meanings
+from tacstrip.io.log_import.names import CLOCKS, IN_VOLTS, is_strip_word, meaning, meanings
 from tacstrip.io.log_import.others import drop_others
 from tacstrip.io.log_import.questions import KEYS, Clues, Question, Unanswered
 from tacstrip.io.log_import.scans import LogScan, is_newest_first, scans, strip_numbers
-from tacstrip.io.log_import.sides import assigned_otherwise, from_the_right_said, order_elsewhere
+from tacstrip.io.log_import.sides import (
+    assigned_otherwise,
+    from_the_right_said,
+    order_elsewhere,
+    wired_otherwise,
+)
 from tacstrip.io.log_import.statements import base_said
 from tacstrip.io.log_import.supply import ask_for_supply
 from tacstrip.io.log_import.table import PART, NoTableError, Table
@@ -36,6 +41,10 @@ from tacstrip.sensor.spec import Sensor
 
 Read = TypeVar("Read")
 _TOUCH = re.compile(r"touch|contact|press|active|ber(?:\u00fc|ue)hrt", re.IGNORECASE)
+_AS_WIRED = (
+    "the log says {!r}: do its columns stand in the strips' order (ascending), or does the last strip stand first "
+    "(descending)? If neither, give them the strips' numbers"
+)
 _ROUNDS = 4  # of questions that others open
 _SHOWN, _LONG = 3, 72  # broken lines, and characters of each, that are quoted
 _FEW_BROKEN, _MOST_BROKEN = 2, 1.0 / 3.0  # lines, and part of the lines: of more, the log is of another form
@@ -306,7 +315,15 @@ def _as_wired(clues: Clues, found: Columns) -> Columns:
     """Return columns as of the strips that a line above gives to each of them, whatever number its name has."""
     columns = {n: int(what.partition(":")[0]) for n, what in found.readings.items() if ":" in what}
     line, _, wired = assigned_otherwise(columns, clues.table.preamble)
-    if not wired or len(wired) < len(found.readings) or "strip_order" in clues.answers:
+    if "strip_order" in clues.answers:
+        return found
+    if not wired or len(wired) < len(found.readings):
+        strips = clues.sensor.strips if clues.sensor else len({*columns.values()})
+        words = re.findall(r"[^\W\d_]+", " ".join((*columns, found.strip)))
+        if not line and not any(map(is_strip_word, words)) and (
+            told := wired_otherwise(clues.table.preamble, strips)
+        ):  # fmt: skip
+            clues.ask("strip_order", _AS_WIRED.format(told[:_LONG]), *STRIP_ORDERS)
         return found
     clues.doubt(f"columns are taken as of the strips that the log says they are of: {line.strip()[:_LONG]!r}")
     first = min(columns.values())
@@ -388,6 +405,8 @@ def _with_ends(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list
     columns = mapping.columns
     swapped = {n: what[:-1] + {"h": "l", "l": "h"}[what[-1]] for n, what in columns.items()}
     if found.paired:
+        idle = noise(both.reshape(len(both), -1))  # where nothing touches, either may be the larger
+        high, low = (np.where(end <= idle, 0.0, end) for end in (high, low))
         if not (above(high, low) or above(low, high)):
             name = next(iter(columns))
             clues.ask(name, "which of the two channels is v_h? Neither is the larger everywhere", "h", "l")
@@ -494,12 +513,7 @@ def _strip_order(clues: Clues, found: Columns, strips: int) -> str:
             *STRIP_ORDERS[::-1],
         )
     elif columns and (told := order_elsewhere(clues.table.preamble)):
-        clues.ask(
-            "strip_order",
-            f"the log says {told[:_LONG]!r}: do its columns stand in the strips' order (ascending), or does the last "
-            "strip stand first (descending)? If neither, give them the strips' numbers",
-            *STRIP_ORDERS,
-        )
+        clues.ask("strip_order", _AS_WIRED.format(told[:_LONG]), *STRIP_ORDERS)
     return STRIP_ORDERS[clues.descending]
 
 

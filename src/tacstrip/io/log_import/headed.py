@@ -35,6 +35,10 @@ _STATISTICS = frozenset(
 _PROCESSING = _STATISTICS | {"smp", "tot", "wvc", "smm", "cov"}
 _UNIT_WORDS = frozenset({"unit", "units", "einheit", "einheiten"})
 _LONG = 40  # characters of a line that are quoted
+# As "Upper end (Vref side), mV", "Lower end, % of Vref".
+_OF_AN_END = re.compile(
+    r"(?P<end>[^,(\[\d]+?)\s*(?:\([^)]*\))?(?:,\s*\[?(?P<unit>[^\s\]]+)\]?(?:\s+(?:of|von)\s.+)?)?"
+)
 _FEW = 2  # fields that may look like units by chance
 
 
@@ -82,6 +86,9 @@ def headed(
     headers = [
         len(row) != width or not any(row) or _named(row, numeric, decimal, usual) > 0 for _, row in split
     ]
+    # A heading above a few columns may stand above none that has numbers.
+    for n, (_, row) in enumerate(split[:_TALLEST_HEADER]):
+        headers[n] |= headers[n + 1 : n + 2] == [True] and not any(is_value(c, decimal) for c in row)
     first = headers.index(False) if False in headers else len(split)
     above = _last_block([row for _, row in split[:first]])
     above = [row for row in above if len(row) == width and any(row) and not _says_one_number(row)]
@@ -307,8 +314,20 @@ def _joined(rows: list[list[str]]) -> list[str]:
         told = list(dict.fromkeys(p for p in parts if p))
         joined = " ".join(told)
         own = len(told) < 2 or (meaning(joined).role and meaning(told[-1]).role != "time")
-        names.append(joined if own else told[-1])
+        names.append(joined if own else _below_an_end(told))
     return names
+
+
+def _below_an_end(told: list[str]) -> str:
+    """Return the last of a column's names, with the end and the unit that a heading above it says: "Upper end, mV"."""
+    for heading in told[:-1] if meaning(told[-1]).role != "time" else ():
+        if found := _OF_AN_END.fullmatch(heading):
+            unit = UNITS.get((found["unit"] or "").lower(), "")
+            if meaning(found["end"]).channel and (unit or not found["unit"]):
+                return f"{found['end']} {told[-1]}" + (
+                    f" [{unit}]" if unit and not meaning(told[-1]).unit else ""
+                )
+    return told[-1]
 
 
 def _distinct(names: Sequence[str]) -> list[str]:
@@ -330,7 +349,12 @@ def _named(row: Sequence[str], numeric: Sequence[bool], decimal: str, usual: Set
 def _statistic(row: Sequence[str], numeric: Sequence[bool], decimal: str) -> str:
     """Return the word that says that a row sums up the others, in a column of numbers or in front."""
     at = next((n for n, cell in enumerate(row) if cell), 0)
-    words = [cell.strip(" :.=") if n == at or numeric[n] else "" for n, cell in enumerate(row)]
+    words = [
+        cell.strip(" :.=")
+        if n == at or (numeric[n] and not is_value(cell, decimal))
+        else ""  # 75% is a reading, too
+        for n, cell in enumerate(row)
+    ]
     found = [w for n, w in enumerate(words) if w.casefold() in _STATISTICS and (numeric[n] or n == 0)]
     return (found or [""])[0]
 
@@ -388,6 +412,10 @@ def decimal_mark(rows: Sequence[Sequence[str]]) -> str:
     points = [f for column in columns for f in column if point.fullmatch(f)]
     if any(re.fullmatch(r"[+-]?\d{1,3}(\.\d{3})+,\d+", f) for row in rows for f in row):
         return ","
+    if commas:  # points of thousands, beside smaller numbers of three digits without
+        whole = [c for c in columns if any("." in f for f in c) and any(re.fullmatch(r"\d{3}", f) for f in c)]
+        whole = [c for c in whole if all(re.fullmatch(r"\d{1,3}|[1-9]\d{0,2}(\.\d{3})+", f) for f in c)]
+        points = [f for c in columns if c not in whole for f in c if point.fullmatch(f)]
     if commas and points:
         raise ReadingError(
             f"decimal points ({points[0]!r}) and decimal commas ({commas[0]!r}) in one log; save "

@@ -276,10 +276,10 @@ def _with_letters(split: dict[str, tuple[list[str], str]]) -> dict[str, tuple[li
                     groups.setdefault((place, (*ts[:place], *ts[place + 1 :])), {})[token] = name
         runs = {k: dict(_from_a(group)) for k, group in groups.items()}
         if counted := {k: run for k, run in runs.items() if len(run) > 2}:
-            numbers = {n: (k[0], letter) for k, g in counted.items() for letter, n in g.items()}
+            numbers = {n: (k[0], at) for k, g in counted.items() for at, n in enumerate(g.values())}
             return split | {
-                n: ([*tokens[n][:place], str(ord(letter) - 97), *tokens[n][place + 1 :]], split[n][1])
-                for n, (place, letter) in numbers.items()
+                n: ([*tokens[n][:place], str(at), *tokens[n][place + 1 :]], split[n][1])
+                for n, (place, at) in numbers.items()
             }
     # Letters of three strips or more, each with the same two numbers, as in "A1", "A2", "B1", ...
     lettered = {
@@ -289,16 +289,16 @@ def _with_letters(split: dict[str, tuple[list[str], str]]) -> dict[str, tuple[li
     run = len(dict(_from_a(dict.fromkeys(first, "x"))))
     if len(first) == run > 2 == len(second) and len(lettered) == len({*lettered.values()}) == 2 * run:
         return split | {
-            n: ([*split[n][0][:-2], str(ord(pair[0]) - 97), pair[1]], split[n][1])
+            n: ([*split[n][0][:-2], str(sorted(first).index(pair[0])), pair[1]], split[n][1])
             for n, pair in lettered.items()
         }
     return split
 
 
 def _from_a(group: Mapping[str, str]) -> Iterator[tuple[str, str]]:
-    return itertools.takewhile(
-        lambda item: item[1], ((c, group.get(c, "")) for c in "abcdefghijklmnopqrstuvwxyz")
-    )
+    """Return the letters from A on without a gap, but for I, J, O and Q, which many leave out."""
+    letters = [c for c in "abcdefghijklmnopqrstuvwxyz" if c in group or c not in "ijoq"]
+    return itertools.takewhile(lambda item: item[1], ((c, group.get(c, "")) for c in letters))
 
 
 def numbered_groups(names: Sequence[str]) -> list[dict[int, str]]:

@@ -43,6 +43,15 @@ _ELSEWHERE = re.compile(
     r"|\b(?:read ?me|notebook|photo|sketch|drawing|laborbuch|skizze|foto)\b)",
     re.IGNORECASE,
 )
+_WIRED = re.compile(
+    r"\b(?:wir(?:ing|ed)|(?:de)?mux\w*|multiplexer|map(?:ping)?|pin ?-?out|order|verdrahtung|belegung|zuordnung"
+    r"|reihenfolge)\b",
+    re.IGNORECASE,
+)
+_STRIPS = re.compile(r"\b(?:strips?|streifen|bandes?|tiras?|fitas?|strisc(?:ia|e))\b", re.IGNORECASE)
+_SIGN = r"\s*(?:[:=]|[-=]>|\u2192)\s*"
+_PAIR = re.compile(rf"(?<![\w.])[^\W\d_]*(\d+){_SIGN}[^\W\d_]*\s?#?(\d+)(?![\w.]*\d)")
+_LIST = re.compile(r"(?<![\w.,-])\d+(?:(?:\s*[,;-]\s*|\s+)\d+){2,}(?![\w.]*\d)")
 _FEW = 2  # columns of which a strip is told
 # Of what touches, of one strip beside another, of the two ends of a strip, or of nothing.
 _OTHERWISE = re.compile(
@@ -68,6 +77,8 @@ def assigned_otherwise(columns: Mapping[str, int], lines: Sequence[str]) -> tupl
     ('value in column n is from strip n-1', False, {})
     >>> assigned_otherwise(pins, ["strip 1 on A0, strip 0 on A1, strip 2 on A2"])[1:]
     (False, {'A0': 1, 'A1': 0, 'A2': 2})
+    >>> assigned_otherwise({"C0H": 0, "C0L": 0, "C1H": 1, "C2H": 2}, ["channel = strip: C0=2, C1=3, C2=1"])[2]
+    {'C0H': 1, 'C0L': 1, 'C1H': 2, 'C2H': 0}
     """
     named = [
         int(m[1]) for name in columns if not name.startswith("column ") and (m := re.search(r"(\d+)", name))
@@ -84,14 +95,55 @@ def assigned_otherwise(columns: Mapping[str, int], lines: Sequence[str]) -> tupl
             re.IGNORECASE,
         )
         told.update((name, (int(m[1] or m[2]), line)) for line in lines if (m := said.search(line)))
+    listed = {} if told else _listed(columns, lines)
+    told = told or listed
     shifts = {number - columns[name] for name, (number, _) in told.items()}
     if len(told) < _FEW or len(shifts) == 1:
         return "", False, {}
     turned = len({number + columns[name] for name, (number, _) in told.items()}) == 1
-    numbers = sorted(number for number, _ in told.values())
-    whole = numbers == list(range(numbers[0], numbers[0] + len(columns))) and numbers[0] in (0, 1)
+    numbers = sorted({number for number, _ in told.values()})
+    strips = len({(columns[name], number) for name, (number, _) in told.items()})
+    many = len({*columns.values()})
+    whole = strips == many and numbers == list(range(numbers[0], numbers[0] + many)) and numbers[0] in (0, 1)
+    if listed and not whole:
+        return "", False, {}
     wired = {name: number - numbers[0] for name, (number, _) in told.items()} if whole and not turned else {}
     return next(iter(told.values()))[1], turned, wired
+
+
+def _listed(columns: Mapping[str, int], lines: Sequence[str]) -> dict[str, tuple[int, str]]:
+    """Return the number that a list as "C0=6, C1=5" gives to each column of that name, whatever its end."""
+    told: dict[str, tuple[int, str]] = {}
+    for name in columns:
+        if stem := re.match(r"[^\W\d]+\d+", name):
+            said = re.compile(rf"(?<!\w){re.escape(stem[0])}{_SIGN}#?(\d+)(?![\w.]*\d)", re.IGNORECASE)
+            wired = (line for line in lines if _STRIPS.search(line) or _WIRED.search(line))
+            told.update((name, (int(m[1]), line)) for line in wired if (m := said.search(line)))
+    return told
+
+
+def wired_otherwise(lines: Sequence[str], strips: int) -> str:
+    """Return the line that gives channels to strips, or the reverse, in another order than their own; else "".
+
+    Examples
+    --------
+    >>> wired_otherwise(["mux order: 2 0 1"], 3), wired_otherwise(["wired: 0->2, 1->1, 2->0; 5 V"], 3)
+    ('mux order: 2 0 1', 'wired: 0->2, 1->1, 2->0; 5 V')
+    >>> wired_otherwise(["mux order: 0 1 2", "order of runs: 3 1", "2 0 1", "wiring: A0=1, A1=2, A2=3"], 3)
+    ''
+    """
+    for line in lines if strips > _FEW else ():
+        if not _WIRED.search(line):
+            continue
+        pairs = sorted((int(a), int(b)) for a, b in _PAIR.findall(line))
+        lists = [[b for _, b in pairs], *([*map(int, re.findall(r"\d+", m))] for m in _LIST.findall(line))]
+        for numbers in lists:
+            if (
+                len(numbers) == strips
+                and sorted(numbers) == [*range(min(numbers), min(numbers) + strips)] != numbers
+            ):
+                return line.strip()
+    return ""
 
 
 def order_elsewhere(lines: Sequence[str]) -> str:

@@ -133,7 +133,7 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
         clues.because(f"codes of {step:g} V each, as the log says")
         mapping, scale, unit = replace(mapping, scale=step), step, "V"
     elif unit == "code" or (open_unit and sensor and "code" in open_unit.choices and not step):
-        bits = _bits(clues, values, bits)
+        bits = _bits(clues, values, bits, scale)
     if unit == "code":
         conversion.ask_for_half(clues, values, bits)
     of_lines = unit == "code" and clues.answers.get("adc_bits") == "lines"
@@ -154,7 +154,7 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
             "5",
             "3.3",
         )
-    top = (_largest_possible(vref, scale) | {"code": 2.0**bits - 1.0}).get(unit, 0.0)
+    top = (_largest_possible(vref, scale) | {"code": (2.0**bits - 1.0) / min(scale, 1.0)}).get(unit, 0.0)
     if unit in IN_VOLTS and sensor and not open_unit and "vref_volt" not in clues.answers:
         over = values > (1.0 + _OFF_VREF) * top
         if over.sum() > _FEW_OVER and over.mean() > _MANY and values.max() <= _MOST_OVER * top and not answer:
@@ -231,7 +231,7 @@ def with_zero(clues: Clues, mapping: ColumnMapping) -> ColumnMapping:
     return replace(mapping, zero=2.0 ** (bits - 1)) if told == "offset" and bits else mapping
 
 
-def _bits(clues: Clues, values: FloatArray, bits: int) -> int:
+def _bits(clues: Clues, values: FloatArray, bits: int, scale: float) -> int:
     """Return the bits of codes, 0 where nobody says them; ask where these are none, or are above the spec's."""
     broken = values[values != np.round(values)]
     if len(broken):
@@ -262,7 +262,7 @@ def _bits(clues: Clues, values: FloatArray, bits: int) -> int:
             "adc_bits", f"the log says {min(told)} bit, and the spec adc_bits = {bits}: which is it?",
             *(str(b) for b in (*sorted(told), bits)),
         )  # fmt: skip
-    over = bits and values.max() > 2.0**bits - 1.0
+    over = bits and min(scale, 1.0) * values.max() > 2.0**bits - 1.0  # or a sum of several
     if (over or not bits) and clues.sensor is not None:
         fits = [str(b) for b in BITS if values.max() <= 2.0**b - 1.0][:3]
         why = f"and adc_bits = {bits}" if bits else "and the spec has no adc_bits"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 
+from tacstrip.io.log_import import conversion
 from tacstrip.io.log_import.column_blocks import ask_for_block, readings_of_block
 from tacstrip.io.log_import.contents import (
     comes_again,
@@ -58,7 +59,8 @@ def readings_by_contents(
         block = ask_for_block(clues, "no name says of which strip a column is", some, wide)
         return readings_of_block(clues, block, known, which)
     if len(left) in many and taken - {""}:
-        if odd := [n for n in left if _DERIVED & set(re.findall(r"[a-z]+", n.lower()))]:
+        made = _DERIVED - ({"sum"} if conversion.summed(clues.table.preamble) else set())
+        if odd := [n for n in left if made & set(re.findall(r"[a-z]+", n.lower()))]:
             clues.ask(
                 odd[0], f"{odd[0]!r} is called neither a reading nor an end of a strip: which is it? (A middle, a "
                 "width or a difference of two ends is no reading)", *(clues.expected or ("h", "l", "out")), "skip",
