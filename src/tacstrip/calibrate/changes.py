@@ -19,10 +19,8 @@ from tacstrip.sensor.spec import Sensor
 _SURE = 5.5  # standard deviations of a step: over all places and strips, 1 in 10,000 sound runs by chance
 _MATTERS = 0.002  # of Vref, or of the length: a smaller step leaves less than calibrations are asked for
 _OWN, _FEWEST = 0.125, 2  # of a strip's rows, excluded where other strips' agree: no slip any more; rows
-_UNLIKELY, _TIMES = (
-    1e-5,
-    2.0,
-)  # probability of a strip's squares beside the others'; how many times as far off
+# Probability of a strip's squares beside the others'; how many times as far off.
+_UNLIKELY, _TIMES = 1e-5, 2.0
 _HALF = 0.5  # of a press's strips; of a strip's squares, which a step explains
 _KNOWN = 1e-6  # of a step's square, what the fit's parameters leave of it
 _NAMED = 4  # strips and lines

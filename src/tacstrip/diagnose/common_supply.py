@@ -15,24 +15,18 @@ from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.diagnose.faults import Finding, Question
 from tacstrip.diagnose.log import Log
 
-LOOSE = {
-    "loose-ground": "Vref",
-    "loose-supply": "ground",
-}  # the faults, and the rail that readings then move to
+# The faults, and the rail that readings then move to.
+LOOSE = {"loose-ground": "Vref", "loose-supply": "ground"}
 _FEWEST, _STRIPS = 2, 3  # readings that tell a factor; strips that have jumped by it
-_LEAST, _MOST = (
-    0.04,
-    2.3,
-)  # logarithms of factors: of a share of 4 % to 90 %; contacts off an end are on its rail
+# Logarithms of factors: of a share of 4 % to 90 %. Contacts off an end are on its rail.
+_LEAST, _MOST = 0.04, 2.3
 _FAR = 0.15  # over Vref: readings nearer to the rail that holds tell no factor
 _LARGE = 4.0  # times what readings mostly do from one scan to the next: a jump
 _LEFT = 0.2  # of a jump: what one factor may leave
 _SAME, _NEAR = 0.1, 0.02  # of a logarithm, and of 1: factors that are one
 _TIMES, _ASKED = 5, 2  # jumps of this factor: a finding, if two are to and two back; a question
-_SHARE, _OF_LARGE = (
-    0.6,
-    0.25,
-)  # of readings in jumps that a factor explains, and in all of half its size: those in jumps of this one
+_SHARE = 0.6  # of readings in jumps that a factor explains: those in jumps of this one
+_OF_LARGE = 0.25  # the same, of readings in all jumps of half its size or more
 _TURNS = 0.3  # of these, less one: that undo the one before, where none is unseen while nothing touches
 _BETTER, _SURE = 4.0, 10.0  # times as much is left by a movement along the strips: a question, and a finding
 _AT_END, _PARTS = 0.06, 3  # over Vref: a contact is at an end; of the recording, in the first and the last
@@ -102,12 +96,10 @@ def _jumps(distance: FloatArray, time_s: FloatArray) -> _Jumps:
     size = np.where(told, size, 0.0)
     around = np.pad(size, 1)
     large = told & (np.abs(log_factor) > _LEAST) & (np.abs(log_factor) < _MOST) & (far > _FAR)
-    large &= (size >= np.maximum(around[:-2], around[2:])) & (
-        size > _LARGE * np.median(size[told] if told.any() else 0.0)
-    )
-    return _Jumps(
-        before[large], after[large], known[large], log_factor[large], left[large] < _LEFT * size[large]
-    )
+    large &= size >= np.maximum(around[:-2], around[2:])
+    large &= size > _LARGE * np.median(size[told] if told.any() else 0.0)
+    explained = left[large] < _LEFT * size[large]
+    return _Jumps(before[large], after[large], known[large], log_factor[large], explained)
 
 
 def _one_factor(jumps: _Jumps, strips: int) -> tuple[float, int, int, float, bool] | None:
@@ -126,9 +118,8 @@ def _one_factor(jumps: _Jumps, strips: int) -> tuple[float, int, int, float, boo
     count, turns = len(away), int(np.count_nonzero(np.diff(away)))
     if count < _ASKED or turns < max(1.0, _TURNS * (count - 1)):
         return None
-    if weight[ours].sum() < max(
-        _SHARE * weight[jumps.explained].sum(), _OF_LARGE * weight[sizes > 0.5 * size].sum()
-    ):
+    of_explained, of_large = weight[jumps.explained].sum(), weight[sizes > 0.5 * size].sum()
+    if weight[ours].sum() < max(_SHARE * of_explained, _OF_LARGE * of_large):
         return None
     sound, lost = jumps.before[ours].copy(), jumps.after[ours].copy()
     sound[~away], lost[~away] = jumps.after[ours][~away], jumps.before[ours][~away]
