@@ -12,14 +12,10 @@ from studies.holdout.shapes import Array
 
 KINDS = ("white", "wander", "edges", "all")  # each with what the ones before it have
 _TIMES = (8.0, 40.0, 200.0, 1000.0)  # scans: together a flicker, whose Allan deviation has a floor
-_OWN, _COMMON = (
-    0.16,
-    0.12,
-)  # standard deviation of each of them over the white noise's: a strip's own, all strips'
-_EDGE, _NEIGHBOUR = (
-    1.0,
-    0.4,
-)  # an edge's error [white noise times L], and its correlation with the next strip's
+# Standard deviation of each of them over the white noise's: a strip's own, all strips'.
+_OWN, _COMMON = 0.16, 0.12
+# An edge's error [white noise times L], and its correlation with the next strip's.
+_EDGE, _NEIGHBOUR = 1.0, 0.4
 _OFFSET = 0.3  # of all strips of a channel, over the white noise's deviation
 
 

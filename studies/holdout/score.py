@@ -34,17 +34,11 @@ CLAIMS = ("ok", "likely")  # a status that promises a right outline
 SEVERAL = re.compile(r"\b(two|several|more than one) (objects|contacts|shapes)|concave", re.IGNORECASE)
 PERIOD_S = 0.05  # from scan to scan: 1200 are a minute
 
-RIGHT, GOOD, LEAST_P = (
-    0.8,
-    0.9,
-    1e-3,
-)  # IoU that `ok` promises; that makes a doubt false; what tells two objects
+# IoU that `ok` promises; that makes a doubt false; what tells two objects.
+RIGHT, GOOD, LEAST_P = 0.8, 0.9, 1e-3
 FINAL = 1000  # the first seed that decides
-_LEVEL, _CHI2, _ROUND = (
-    1.959964,
-    5.991465,
-    1.02,
-)  # 95 % of a number and of a point; axes this close have no direction
+# 95 % of a number and of a point; axes this close have no direction.
+_LEVEL, _CHI2, _ROUND = 1.959964, 5.991465, 1.02
 _SCANS, _MEANS = 1200, (1, 16, 64)  # of a minute, and of the means that are judged
 
 

@@ -24,11 +24,8 @@ _SIDE = 100.0  # of the sensor [mm]
 _APART_S = 0.01  # from scan to scan
 _OFFSET = 0.003  # of a channel, over Vref: standard deviation
 _WANDER = 10.0  # scans: time of the errors that follow each other
-_TOLD, _OF_SIZE, _SIGMAS = (
-    0.1,
-    0.01,
-    4.0,
-)  # pitches, of the size, stated deviations: right is below the largest
+# Pitches, of the size, stated deviations: right is below the largest.
+_TOLD, _OF_SIZE, _SIGMAS = 0.1, 0.01, 4.0
 
 
 @dataclass(frozen=True)

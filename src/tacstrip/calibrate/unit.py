@@ -89,9 +89,8 @@ _ACCURATE = 0.3  # % of Vref: a calibration that leaves more says so
 _SCALED = 0.05  # a gain that all strips share: converters and clamps make a tenth of it
 _DROPS = 0.001  # of k_h + k_l: half the accuracy at most
 DROP = "drop on contacts without length"
-_LONGER = (
-    0.002  # of L: what all bars are longer than written; less leaves less than calibrations are asked for
-)
+# Of L: what all bars are longer than written; less leaves less than calibrations are asked for.
+_LONGER = 0.002
 _CHANGED = 0.5  # % of Vref: a unit in use stays within, but for its drift
 
 

@@ -17,10 +17,8 @@ from tacstrip.diagnose.log import Log
 from tacstrip.diagnose.neighbour_prediction import WorkingCopy
 from tacstrip.diagnose.rigid_contact import RigidContact, readings_joined
 
-_DRIFT, _WANDER = (
-    0.006,
-    0.004,
-)  # over Vref, from start to end, and as a standard deviation: less is not reported
+# Over Vref, from start to end, and as a standard deviation: less is not reported.
+_DRIFT, _WANDER = 0.006, 0.004
 _TIMES = 4.0  # times what the other strips do
 _LASTS = 0.6  # of the mean square of independent levels' changes
 _STRAIGHT = 0.7  # of the changes' variance in a line: more is drift

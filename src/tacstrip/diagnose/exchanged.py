@@ -20,9 +20,8 @@ _CROSSED = 0.01  # over Vref: k_h - k_l below minus this cannot be (3.3), (3.4)
 _OFFSETS = 0.08  # over Vref: what a unit without calibration may add to k_h - k_l
 _OWN_OFFSETS = 0.01, 0.04  # over Vref: least and largest deviation of a unit's own, as its strips tell it
 _TURNS, _FALLS = 0.8, 0.5  # negative correlation of k_h - k_l with its prediction, alone and with such odds:
-_ODDS = (
-    5.0  # logarithm of the odds of the two offsets that a strip would have, with its wires exchanged and not
-)
+# Logarithm of the odds of the two offsets that a strip would have, with its wires exchanged and not.
+_ODDS = 5.0
 _PERHAPS, _SURELY = 3.0, 5.0  # deviations of a unit's offsets, for a question and for a finding
 _USUAL = 2.0  # deviations of an offset that a strip may have
 _BEYOND = 2.0  # times the deviation, of a prediction that is extrapolated
@@ -44,10 +43,8 @@ _CURVED = 2.0  # times the median strip's: what curved signatures leave at the m
 _LEAVES = 0.35  # of what these strips and the next ones are off, in the right order
 _ALIKE = 0.15  # over Vref: what neighbours differ by at the most
 _COMPARED, _LONGEST = 300, 3  # places; strips in each other's places
-_CLEARLY, _WORSE = (
-    0.01,
-    0.6,
-)  # over Vref, by which an order is better in a footprint; times these, where it is worse
+# Over Vref, by which an order is better in a footprint; times these, where it is worse.
+_CLEARLY, _WORSE = 0.01, 0.6
 _ONE_CONTACT = 0.3  # over Vref: neighbours further apart are not under one contact
 
 

@@ -20,9 +20,8 @@ _OTHERS = 2  # strips read as long: of one, or two at a contact's rim, jumps may
 _HALF = 4.0  # times, in each half of the recording: a few jumps are no line
 _HUM = 0.0015  # over Vref: amplitude below which hum does not matter
 _SEGMENT_S = 1.0  # in which a line keeps its phase, whatever the clock and the mains do
-_SEGMENT_SHEET_S = (
-    5.0  # of one witness: a contact that moves evenly makes a line, too, next to that of the mains
-)
+# Of one witness: a contact that moves evenly makes a line, too, next to that of the mains.
+_SEGMENT_SHEET_S = 5.0
 _SHORTEST = 32  # scans of a segment
 _FEWEST = 24  # readings of a strip
 _CLIP = 5.0  # times the median: jumps

@@ -17,17 +17,13 @@ from tacstrip.diagnose.neighbour_prediction import (
     strips_on_both_sides,
 )
 
-_FAR = (
-    0.12  # over Vref: a reading this far off its neighbours' line, at the level of a free wire, dropped out
-)
-_FREE = (
-    0.04  # over Vref: a free wire's level is its rail's or the rest level, but for the channel's own offset
-)
+# Over Vref: a reading this far off its neighbours' line, at the level of a free wire, dropped out.
+_FAR = 0.12
+# Over Vref: a free wire's level is its rail's or the rest level, but for the channel's own offset.
+_FREE = 0.04
 _STILL = 0.05  # over Vref: what the neighbours may change while a reading jumps by more than _FAR
-_JUMPS, _JUMPS_SILENT = (
-    3,
-    8,
-)  # to and fro, beside neighbours that stay; to or from untouched, as at a contact's rim
+# To and fro, beside neighbours that stay; to or from untouched, as at a contact's rim.
+_JUMPS, _JUMPS_SILENT = 3, 8
 _FEWEST = 5  # scans that dropped out
 _CLEAR, _MANY_CLEAR = 0.3, 8  # over Vref off the line, and scans, in which the contact moves:
 _MOVES = 0.03  # over Vref

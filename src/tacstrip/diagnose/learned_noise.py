@@ -39,10 +39,8 @@ _STRAY, _LEAST_STRAY = 6.0, 0.002  # standard deviations, and of Vref
 _MOVED = 0.025  # of Vref: the median channel's slow change that is no wander
 _BLOCKS = 12  # means that tell slow change
 _LINE = 14.0  # times the power at nearby frequencies: a line
-_SLOW_S, _SLOW = (
-    3600.0,
-    30.0,
-)  # time constant of what does not change at all, at least, and over the recording's length
+# Time constant of what does not change at all, at least, and over the recording's length.
+_SLOW_S, _SLOW = 3600.0, 30.0
 _COUNTS = range(3, 9)  # vertices that are tried
 _STRIPS = 60  # more are thinned
 _LEVELS = np.geomspace(0.1, 3.0, 14)  # of what is tried, over the typical residual
@@ -52,15 +50,11 @@ _FREE = 5  # readings beyond the polygon's numbers, of which something can be to
 _SMALL = 0.02  # of the variance known: less is nothing
 _LEAST_SIGMA = 1e-6  # of Vref
 _WORSE = 4.0  # times the typical residual of the best number of corners: not the contact's number
-_MOST_LASTING = (
-    0.02  # of Vref: errors that last and are larger are a wrong shape's, as ends further off than a pitch
-)
+# Of Vref: errors that last and are larger are a wrong shape's, as ends further off than a pitch.
+_MOST_LASTING = 0.02
 _TOO_FEW = "too few strips are touched for its shape"
-_APART, _ALIKE, _SURELY = (
-    5,
-    0.3,
-    5.0,
-)  # strips; correlation of neighbours, and deviations, from which it is sure
+# Strips; correlation of neighbours, and deviations, from which it is sure.
+_APART, _ALIKE, _SURELY = 5, 0.3, 5.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,10 +17,8 @@ _AMID, _MANY, _VISITS = 2, 20, 3  # strips on either side, scans, and times that
 _STRAY = 0.1  # of the scans
 _SOUND = 0.2  # of the scans across the strip outside the stretch: a gap between objects is not of one stretch
 _MOST = 2  # strips: more are gaps between objects
-_OFTEN, _OTHERS = (
-    0.7,
-    4.0,
-)  # of the scans across a strip: more is no gap now and then; times any other strip's gaps
+# Of the scans across a strip: more is no gap now and then; times any other strip's gaps.
+_OFTEN, _OTHERS = 0.7, 4.0
 
 
 def lost(work: WorkingCopy) -> tuple[list[Finding], list[Question]]:

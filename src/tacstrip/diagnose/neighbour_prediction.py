@@ -16,10 +16,8 @@ from tacstrip.sensor.spec import Sensor
 Array = TypeVar("Array", FloatArray, BoolArray)
 Made = TypeVar("Made")
 
-_ACROSS, _STRAY = (
-    3,
-    0.1,
-)  # strips, twice what the middle of a contact moves across, but for strays: of the rows
+# Strips, twice what the middle of a contact moves across, but for strays: of the rows.
+_ACROSS, _STRAY = 3, 0.1
 _REACH = 3  # strips to either side that may stand in for a neighbour
 _MOVED = 0.01  # over Vref: a contact that changes a reading by this is at another place
 _ONE_CONTACT = 0.3  # over Vref: neighbours further apart are not taken to be under one contact

@@ -23,9 +23,8 @@ from tacstrip.sensor.spec import Sensor
 PROFILE_I, PROFILE_II = 0.005, 0.01  # half-widths over Vref, table 5.1
 _ABOVE_II = 2.0  # times profile II's sigma: carbon rubber has 1.3 times it, and more while it is tapped
 _EXCESS = _ABOVE_II * PROFILE_II / math.sqrt(3.0)
-_TOGETHER = (
-    0.6  # correlation of neighbours' differences: a contact that is elsewhere in every scan moves them all
-)
+# Correlation of neighbours' differences: a contact that is elsewhere in every scan moves them all.
+_TOGETHER = 0.6
 _NOISIER = 3.2  # times the median strip
 # The same, and the least standard deviation over Vref, of strips whose differences of every order tell one noise.
 _NOISIER_WHITE, _LEAST_WHITE = 2.5, 0.5 * PROFILE_I / math.sqrt(3.0)

@@ -15,15 +15,12 @@ _RIMS, _STARTS = 0.25, 0.8  # of the contacts, and of the presses
 _FEWEST_CONTACTS, _FEWEST_PRESSES = 20, 4
 _WIDE = 4  # strips: of wider contacts the second-highest reading counts
 _PRESS = 6  # scans
-_LEAST = (
-    0.03  # over Vref: the highest reading of a contact that is looked at, and the least of a strip in contact
-)
+# Over Vref: the highest reading of a contact that is looked at, and the least of a strip in contact.
+_LEAST = 0.03
 _CLEARLY = 0.15  # over Vref: what a contact reads at some time
 _LEAVES, _LOW = 60, 0.8  # times that contacts come to a strip or leave it; of the highest reading, then
-_SIDEWAYS, _AWAY = (
-    0.1,
-    6,
-)  # of these times at least: the strip's reading is low and that of one so near is high
+# Of these times at least: the strip's reading is low and that of one so near is high.
+_SIDEWAYS, _AWAY = 0.1, 6
 
 
 def pressure(log: Log) -> Iterator[Finding]:

@@ -10,10 +10,8 @@ from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.diagnose.faults import Question
 from tacstrip.diagnose.neighbour_prediction import WorkingCopy
 
-_FAR, _SURE = (
-    0.15,
-    8.0,
-)  # over Vref, and standard deviations: further from the neighbours' line is no contact's shape
+# Over Vref, and standard deviations: further from the neighbours' line is no contact's shape.
+_FAR, _SURE = 0.15, 8.0
 _STEEP = 0.2  # over Vref: largest difference of the two neighbours
 _SHARE, _OTHERS = 0.6, 0.1  # of the places: on the strip that is asked about, and on the usual one
 _RAIL = 0.04  # over Vref

@@ -10,11 +10,8 @@ _BACK = 3  # times: twice may be one movement to and fro
 _PAUSE = 1  # other places between two visits
 _RANGE = 0.3  # over Vref: a contact that sways shows little else than its shape
 _MOST = 150  # places that are compared with each other
-_LIKE, _LIKE_NOISE, _FLICKER = (
-    0.015,
-    8.0,
-    4,
-)  # over Vref and deviations; channels at a contact's rim that come and go
+# Over Vref and deviations; channels at a contact's rim that come and go.
+_LIKE, _LIKE_NOISE, _FLICKER = 0.015, 8.0, 4
 _NEXT = 4  # places
 _COMPARED = 6  # channels: fewer are alike at other places, too
 _LATER = 0.04  # of the recording: another time

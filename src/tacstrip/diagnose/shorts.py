@@ -21,15 +21,10 @@ _FEWEST_PAIRS, _OTHER_PAIRS = 5, 3  # that a pair is held against
 _MOST, _WIDTH = 0.85, 1.44  # of the places; such a share of normal errors lies within so many deviations
 _GAINS = 0.05  # by which two channels' gains differ at most: a dead one differs by all of the other's reading
 _NOISE, _SEEN_TIED = 1.4, 1.25  # times what noise makes of a difference; of all that a bridge ties
-_BENT, _BENT_TIMES, _BENT_PASSES = (
-    50.0,
-    2.0,
-    3,
-)  # such a pair's gain (below), times other pairs'; times that it is seen
-_TIED, _SLOPE = (
-    0.45,
-    0.75,
-)  # times the least that other pairs differ; of the slope around, which a pair follows
+# Such a pair's gain (below), times other pairs'; times that it is seen.
+_BENT, _BENT_TIMES, _BENT_PASSES = 50.0, 2.0, 3
+# Times the least that other pairs differ; of the slope around, which a pair follows.
+_TIED, _SLOPE = 0.45, 0.75
 # Of a tied pair: logarithm of the odds against a pair that follows half the slope around; where that is extrapolated;
 # and the gain of a pair that is told by the bends around it. Less is a question.
 _ODDS_TIED, _ODDS, _ODDS_AT_EDGE, _BENT_SURELY = 0.5, 2.0, 20.0, 100.0

@@ -30,9 +30,8 @@ _PITCH_MM = 0.1  # nobody cuts strips as fine
 _LENGTH_MM = 2.0  # nor as short
 _LONGEST_MM = 1e4  # nor as long, nor so many that they are as wide
 _MANY, _STUBBY = 8, 3.0  # strips, and pitches, below which so many strips are seldom long
-_TINY_MM = (
-    10.0  # width of strips of such a pitch, half their length; the commonest sensor is ten centimetres wide
-)
+# Width of strips of such a pitch, half their length; the commonest sensor is ten centimetres wide.
+_TINY_MM = 10.0
 _SMALL = 0.01  # of the sensor's shorter side: a contact in metres is a thousandth of itself
 _CORNER = 0.1  # of the sensor: one in centimetres lies within this, whatever it is and wherever it was to be
 _VREF_VOLT = 2.0  # above it, volts that all stay below 1 are seldom volts

@@ -50,9 +50,8 @@ _SHOWN, _LONG = 3, 72  # broken lines, and characters of each, that are quoted
 _FEW_BROKEN, _MOST_BROKEN = 2, 1.0 / 3.0  # lines, and part of the lines: of more, the log is of another form
 _FEW_ROWS, _FEW_REPEATED = 4, 0.05  # rows; part of them: of more that come twice, nothing is known
 _MOST_COMPLETE = 0.5  # of the scans: if more have all strips, lines are lost where others have not
-_MOST_STEADY = (
-    0.75  # of the strips: where always the same ones are listed, and more, others may not be logged
-)
+# Of the strips: where always the same ones are listed, and more, others may not be logged.
+_MOST_STEADY = 0.75
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,8 @@ from tacstrip.io.log_import.scans import LogScan
 _LEAST = 1.3  # times: readings that jump less may move so
 _OTHERS = 2.0  # times the largest other step
 _FEW = 3  # readings: of fewer, only a factor between two units is told
-_ALIKE, _MOST_APART = (
-    0.03,
-    0.1,
-)  # relative, in the median and at most: a contact that moves takes readings less alike
+# Relative, in the median and at most: a contact that moves takes readings less alike.
+_ALIKE, _MOST_APART = 0.03, 0.1
 _NEAR, _ROUGHLY = 0.05, 0.1  # of a factor between two units, and of readings that move meanwhile
 _FACTORS = (100.0, 1000.0)  # between V, mV, fractions and percent
 

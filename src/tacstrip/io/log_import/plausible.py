@@ -13,10 +13,8 @@ _SIDE_BY_SIDE = 0.9  # of the scans: touched strips are neighbours
 _ABOVE = 0.97  # of the touched strips: k_h is above k_l
 _APART = 0.004  # of the largest reading: so far may noise take k_h below k_l
 _OFTEN = 0.05  # of the numbers: one that is as often the least or greatest stands for no contact
-_NARROW, _GAP = (
-    0.02,
-    3.0,
-)  # of the largest reading, the noise of open inputs; and how far it is from all others
+# Of the largest reading, the noise of open inputs; and how far it is from all others.
+_NARROW, _GAP = 0.02, 3.0
 _FEW_TOUCHED, _FEW_SCANS = 6, 3
 ROUGH = 0.6  # of the distance of any two readings: that of neighbours, at most
 

@@ -29,10 +29,8 @@ from tacstrip.io.log_import.names import (
 from tacstrip.io.log_import.questions import Clues
 from tacstrip.io.log_import.table import CLOCK, ROW
 
-_AS_LONG, _LATE_S = (
-    0.25,
-    0.1,
-)  # so far, and s, two clocks may differ, of which one is read when a line has come
+# So far, and s, two clocks may differ, of which one is read when a line has come.
+_AS_LONG, _LATE_S = 0.25, 0.1
 _ON_PITCH = 0.02  # of the pitch
 
 _NUMBER = re.compile(r"n|nr|no|num|number|id|idx|index|i|k|nummer|numero|numer", re.IGNORECASE)

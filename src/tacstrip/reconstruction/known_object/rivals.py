@@ -23,20 +23,14 @@ from tacstrip.reconstruction.known_object.readings import (
 )
 
 FLIPPED = 0.05  # probability that a drawing is flipped
-_ALIKE, _FARTHEST = (
-    0.98,
-    0.99,
-)  # IoU of an outline with its mirror image, and its farthest corners, if it has an axis
-_SIZE, _OTHER_SIZE = (
-    0.1,
-    0.1,
-)  # standard deviation of another object's size, and the probability that it is that
+# IoU of an outline with its mirror image, and its farthest corners, if it has an axis.
+_ALIKE, _FARTHEST = 0.98, 0.99
+# Standard deviation of another object's size, and the probability that it is that.
+_SIZE, _OTHER_SIZE = 0.1, 0.1
 # Of the root of its area: standard deviation of how far the edges lie elsewhere of an object that one strip disproves.
 _ELSEWHERE = 0.1
-_ALARM, _MOST = (
-    2.0,
-    50.0,
-)  # logarithms of odds: so much less is hardly worse, so much more is the most that counts
+# Logarithms of odds: so much less is hardly worse, so much more is the most that counts.
+_ALARM, _MOST = 2.0, 50.0
 _COARSE_STEPS, _STEPS = 30, 20
 _SIZE_STEP, _MOST_SIZES = 1.4, 12  # of the search for a size
 _OVER_BORDER = 3.0  # times what is touched: as far as an object over the border is looked for

@@ -38,9 +38,8 @@ _CHANCE, _LEAST_FREEDOM = 1e-3, 3  # of the F test, and of a polygon that it is 
 # Where a reading was left out, the one of many whose absence explains the others best: their alarm, and by how many
 # deviations it must contradict the object in other sizes, too.
 _ALARM_WITHOUT, _FAULT = 2.5, 9.0
-_FAR_BETTER = (
-    0.5  # of the noise that the object leaves, where that is not known: so little leaves what does explain it
-)
+# Of the noise that the object leaves, where that is not known: so little leaves what does explain it.
+_FAR_BETTER = 0.5
 _TRIED, _STEPS = 4, 20  # poses of the mirror image, and steps of descents
 _LARGER_OR_SMALLER = "the object in another size explains the readings better: it is another object"
 _HARDLY_TOLD = 0.04  # of its size: a deviation for which 10 % more or less would read nearly alike

@@ -31,9 +31,8 @@ from tacstrip.sensor.left_out import left_out_wholly
 from tacstrip.sensor.spec import Sensor
 
 _FAR_AREA = 3.0  # deviations between an area that was given and the one that the readings say
-_NEVER = (
-    2.0  # confidence that is enough: of few strips with one signature 1 in 10 is wrong even of the surest
-)
+# Confidence that is enough: of few strips with one signature 1 in 10 is wrong even of the surest.
+_NEVER = 2.0
 _NAMED = 5  # strips that advice names
 # Probability of two objects: that the outline overlaps less than "ok" promises, and is doubted; less is not told.
 _OTHER, _NOTED = 0.14, 0.05

@@ -30,19 +30,15 @@ from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
 
 _ROUNDS, _SAME = 8, 0.1  # of taking away what the width adds, until it changes by less [sigma]
-_STEPS, _SETTLED, _CURVED = (
-    16,
-    0.03,
-    1.0,
-)  # trials of a step; gains in chi square that end them, and that ask for new slopes
+# Trials of a step; gains in chi square that end them, and that ask for new slopes.
+_STEPS, _SETTLED, _CURVED = 16, 0.03, 1.0
 _LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e5
 _HARDER, _EASIER = 8.0, 0.1
 _EXPLAINED = 4.0  # deviations that a reading of an outer strip may be off
 # Root mean square over b / L, of the closed form on strips with a corner, lambda b / 10 to b / 2 (.07 to .1).
 _CORNER_ERROR = 0.08
-_PARTLY = (
-    0.5  # b / L: what the closed form is off at most, but for one in a hundred, on strips covered in part
-)
+# Over b / L: what the closed form is off at most, but for one in a hundred, on strips covered in part.
+_PARTLY = 0.5
 _DRAWS = 24  # outlines that the covariance allows
 _CORNERS = 12  # of more vertices a descent would take seconds
 _TURN = 1e-9  # of the sensor's area: a corner that turns inwards by less is straight

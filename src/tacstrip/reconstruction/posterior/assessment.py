@@ -71,9 +71,8 @@ _MISFITS = (0.5, 300.0)  # of the best rounded outline, beyond which it tells no
 _SLENDEREST = 0.01  # ratio of the axes, below which it tells no more
 _WORST = -60.0  # advantage of regular outlines, below which it tells no more
 _SQUARES = (0.3, 3.0)  # of the residuals a degree of freedom, likewise
-_SHORT = (
-    0.4  # at most, where the readings hold another count than was given: a third of the surer ones are right
-)
+# At most, where the readings hold another count than was given: a third of the surer ones are right.
+_SHORT = 0.4
 _ALARM = 3.5
 _LIGHTEST, _MOST = 0.05, 4  # weight of an alternative, and how many are told
 # IoU of nearly all outlines that the covariance allows: nothing to sample, and what it is worth.

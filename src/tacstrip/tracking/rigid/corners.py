@@ -26,11 +26,8 @@ _ROUNDS = 4
 _SHARES, _BENT = (0.25, 0.75), 0.03  # of an edge: where a corner more may be, and how far outside it begins
 _CUT = 0.3  # of the edges beside a corner that is cut off
 _BAD, _SPREAD = 6.0, 5.0  # chi square of a scan beyond its readings, and times its deviation
-_EXPLORED, _BEST, _SETTLED = (
-    5,
-    4,
-    7,
-)  # rounds, descents of each that are settled: the best, and with unlike ones
+# Rounds, descents of each that are settled: the best, and with unlike ones.
+_EXPLORED, _BEST, _SETTLED = 5, 4, 7
 _FAR = 2.5  # times a short move
 # Directions that the readings tell least, deviations along them, and how far at most, of the outline's extent.
 _OPEN, _DEVIATIONS, _FARTHEST = 4, (-10.0, -4.0, 4.0, 10.0), 0.2

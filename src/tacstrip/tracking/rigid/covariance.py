@@ -14,10 +14,8 @@ from tacstrip.sensor.spec import Sensor
 from tacstrip.simulation import simulate
 
 UPRIGHT = 300.0  # slope of an edge that counts as upright
-_FOLLOWING, _LAGS = (
-    3.0,
-    20,
-)  # deviations of what neighbouring scans leave over alike; scans that are looked back
+# Deviations of what neighbouring scans leave over alike; scans that are looked back.
+_FOLLOWING, _LAGS = 3.0, 20
 NEVER = 1e6  # pitches: what touched strips tell of the ends is left out, for inside the gap it is nothing
 
 

@@ -23,10 +23,8 @@ LAG = 20  # scans that keep free poses
 _TOGETHER = 5  # scans after which corners and poses are fitted together
 _STEPS, _POSE_STEPS = 6, 8  # of descents for a scan that surprises, of a new pose
 _MOST_STEP = 0.1  # pitches that corners and poses move at once
-_WAY, _FARTHEST = (
-    5,
-    3.0,
-)  # scans that a velocity is taken over, and how much further than between the last two
+# Scans that a velocity is taken over, and how much further than between the last two.
+_WAY, _FARTHEST = 5, 3.0
 _ALARM = 6.0  # deviations of chi square: of the scans in the window, and of all
 
 

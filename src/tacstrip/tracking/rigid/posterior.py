@@ -15,11 +15,8 @@ from tacstrip.core.rigid import RigidScans, fit_poses, loss
 from tacstrip.tracking.rigid.corners import Fit
 from tacstrip.tracking.rigid.covariance import covariances, information
 
-_STEPS, _DROPPED, _ADAPTED = (
-    800,
-    3,
-    (130, 260),
-)  # of the walk, the first third of it dropped; when its steps follow it
+# Of the walk, the first third of it dropped; when its steps follow it.
+_STEPS, _DROPPED, _ADAPTED = 800, 3, (130, 260)
 _SIZES, _SHARES = (0.35, 1.0, 3.0), (0.3, 0.5, 0.2)  # of steps over the usual one, and how often
 _USUAL = 2.4  # deviations of a step over the root of how many numbers it has
 _POSES = 3  # steps of each scan's pose on a new outline

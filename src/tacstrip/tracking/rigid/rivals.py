@@ -18,10 +18,8 @@ from tacstrip.tracking.rigid.search import freer_spline
 _ANOTHER = 0.5  # squared deviations from the others: a place of its own where a pose may rest
 _STEPS, _SETTLED = 10, 3  # of each descent from a corner cut off, and how many of these are settled
 _GAIN = 1.0  # of chi square, by an edge that is open: noise gives its two numbers two on average
-_CLEAR_EDGE, _CLEAR_TURN = (
-    0.12,
-    0.26,
-)  # of the extent, and radians: edges and corners that stand for themselves
+# Of the extent, and radians: edges and corners that stand for themselves.
+_CLEAR_EDGE, _CLEAR_TURN = 0.12, 0.26
 _TURNED = 0.5  # radians: a rival is not another pose, but another corner called the first
 
 

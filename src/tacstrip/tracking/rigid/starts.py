@@ -18,9 +18,8 @@ TURNS = tuple(range(-160, 161, 20))  # degrees
 DENSE, MANY_STRIPS, _SPARSE = 48, 20, 16  # scans that a search uses; of finer sensors fewer do
 _KNOTS, _MORE_KNOTS = 4, 8
 KEPT = 3  # paths that are made polygons of
-FEW_A_SCAN = (
-    6  # strips: scans that touch fewer explain one another at many wrong turns, so that all are tried
-)
+# Strips: scans that touch fewer explain one another at many wrong turns, so that all are tried.
+FEW_A_SCAN = 6
 LOST = 0.5  # of the scans: a polygon that leaves more will not explain them once it is settled
 _FEW_LOST = 0.3  # likewise of a stretch that touches few strips
 _SOFT, _HARD = 0.25, 0.1  # pitches that an end of an outline is off

@@ -13,15 +13,11 @@ from tacstrip.tracking.rigid.search import LEAST_STRIPS, rigid_stretch
 from tacstrip.tracking.rigid.starts import Starts
 
 FEWEST = 5  # scans of a stretch
-_MOST, _JUMP = (
-    50.0,
-    3.0,
-)  # sigmas that a strip counts at most; times the usual change, and sigmas more, that is a jump
+# Sigmas that a strip counts at most; times the usual change, and sigmas more, that is a jump.
+_MOST, _JUMP = 50.0, 3.0
 _JUMPS, _PARTS = 3, (2, 3, 4, 6)  # jumps that are tried, and parts of all scans
-_SUDDEN, _NEW = (
-    6.0,
-    LEAST_STRIPS,
-)  # sigmas of one reading, and strips side by side, that change from scan to scan
+# Sigmas of one reading, and strips side by side, that change from scan to scan.
+_SUDDEN, _NEW = 6.0, LEAST_STRIPS
 
 
 def lone_ends(
