@@ -162,7 +162,7 @@ def command(
             f"{over_edge} object(s) reach the sensor's outermost strips: they may hang over its edge, and area and "
             "outline are of what lies on the sensor"
         )
-    if not layered and (shorter := _shortened(results, unit)):
+    if not layered and known_object is None and (shorter := _shortened(results, unit)):
         note(shorter)
     if output is not None:
         if output.suffix.lower() == ".csv":

@@ -129,19 +129,20 @@ def wired_otherwise(lines: Sequence[str], strips: int) -> str:
     --------
     >>> wired_otherwise(["mux order: 2 0 1"], 3), wired_otherwise(["wired: 0->2, 1->1, 2->0; 5 V"], 3)
     ('mux order: 2 0 1', 'wired: 0->2, 1->1, 2->0; 5 V')
+    >>> wired_otherwise(["wiring: CH0=2, CH1=1, CH2=1"], 3)  # a slip: one strip twice
+    'wiring: CH0=2, CH1=1, CH2=1'
     >>> wired_otherwise(["mux order: 0 1 2", "order of runs: 3 1", "2 0 1", "wiring: A0=1, A1=2, A2=3"], 3)
     ''
     """
     for line in lines if strips > _FEW else ():
         if not _WIRED.search(line):
             continue
-        pairs = sorted((int(a), int(b)) for a, b in _PAIR.findall(line))
-        lists = [[b for _, b in pairs], *([*map(int, re.findall(r"\d+", m))] for m in _LIST.findall(line))]
-        for numbers in lists:
-            if (
-                len(numbers) == strips
-                and sorted(numbers) == [*range(min(numbers), min(numbers) + strips)] != numbers
-            ):
+        pairs = [(int(a), int(b)) for a, b in _PAIR.findall(line)]
+        if len(pairs) > _FEW and len({b - a for a, b in pairs}) > 1:  # whether or not each strip comes once
+            return line.strip()
+        for numbers in ([*map(int, re.findall(r"\d+", m))] for m in _LIST.findall(line)):
+            of_all = sorted(numbers) == [*range(min(numbers), min(numbers) + strips)]
+            if of_all and numbers != sorted(numbers):
                 return line.strip()
     return ""
 
