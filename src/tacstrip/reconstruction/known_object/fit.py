@@ -31,7 +31,7 @@ from tacstrip.reconstruction.known_object.readings import (
     readings_left,
 )
 from tacstrip.reconstruction.known_object.rivals import FLIPPED, has_axis, log_evidence, mirror_image
-from tacstrip.reconstruction.known_object.verdict import (
+from tacstrip.reconstruction.known_object.status import (
     PROBABLE,
     Hypothesis,
     explains,

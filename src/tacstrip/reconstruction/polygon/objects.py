@@ -30,16 +30,16 @@ from tacstrip.reconstruction.polygon.goodness_of_fit import (
 from tacstrip.reconstruction.polygon.lone_fault import at_a_rail, beyond_outline
 from tacstrip.reconstruction.polygon.outline_estimate import THIN, Estimate, FittedContact
 from tacstrip.reconstruction.polygon.run import MOST_SIGMA, ModelInMm, RunFit
-from tacstrip.reconstruction.polygon.verdict import (
+from tacstrip.reconstruction.polygon.status import (
     OTHERS,
     beside_pair,
     bridged,
     enough_of,
     notes_of,
     other_area,
+    status_of,
     two_objects,
     uncounted_vertices,
-    verdict_of,
 )
 from tacstrip.reconstruction.polygon.wide_fit import contradicted_by_outer_strip
 from tacstrip.reconstruction.posterior.assessment import (
@@ -193,7 +193,7 @@ def reconstruct_object(
         wrong, confidence = _TWICE, None
     if convex is not None or faulty.any():
         notes = notes_of(scan, sensor, contact, around, noise is not None, faulty, convex=convex is not None)
-    status, advice = verdict_of(
+    status, advice = status_of(
         wrong,
         weak,
         assessed,

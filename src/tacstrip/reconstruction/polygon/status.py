@@ -1,4 +1,4 @@
-"""What is said of a contact's outline: its status, what to do about it, and what was left out."""
+"""Status of an outline, and the advice that goes with it: what to do, what was left out, what else it may be."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ def two_objects(probability: float, right: bool, confidence: float) -> tuple[str
     return "", told + ("; the outline holds either way" if right else "") if probability >= _NOTED else ""
 
 
-def verdict_of(
+def status_of(
     wrong: str,
     weak: str,
     assessed: Assessment,
