@@ -128,6 +128,16 @@ def test_a_disc_that_is_lifted_and_pressed_again_stays_one() -> None:
     assert (one.kind, int(one.present.sum())) == ("disc", 49)
 
 
+def test_a_disc_whose_noise_is_larger_than_given_is_no_polygon() -> None:
+    """A polygon of eleven corners was ok, turned by 861 +- 3.5 degrees: its angles had taken the noise up."""
+    sensor, angle = ten_strips(), np.linspace(0.0, 2.0 * np.pi, 160, endpoint=False)
+    outline = 17.8 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    scans = pressed(sensor, outline, sliding(50), NOISE, 1)
+    (one,) = ts.track(scans, sensor, replace(NOISE, positional=0.85 * NOISE.positional))
+    assert (one.status, one.kind) == ("doubtful", "disc")
+    assert "is the noise larger than given" in one.advice
+
+
 def test_regions_of_corners_and_poses_hold_the_truth() -> None:
     """Over scenes: normalised errors are those of chi square with as many degrees of freedom."""
     sensor, poses = ten_strips(), sliding(30)

@@ -38,6 +38,10 @@ _DEVIATIONS = 2.0  # ... within so many deviations
 _KINKED = 1.2
 _COUNTED = 0.05  # pitches, by which an outline of another count is off, for the count to matter
 _MOVED = 0.5  # pitches that corners must move where few strips are touched
+_LEFT_OVER = (
+    "a {kind} explains the readings best, and leaves {times:.3g} times their noise: is the noise larger than given, or "
+    "the object hardly round?"
+)
 _NOT_RIGID = (
     "no rigid outline explains all scans: {times:.3g} times the noise is left over; the object deforms or rolls, two "
     "are taken for one, or the noise is larger than given: read the scans one by one (`single`)"
@@ -194,7 +198,10 @@ def _curve_over_time(one: Object, curve: RigidCurve, total: int, read: Readings)
     loosest = math.sqrt(float(shape.diagonal().reshape(-1, 2).sum(axis=1).max()))
     unsure = max(TOLD * skin.sensor.pitch_mm, _MAY_BE_OFF * float(np.ptp(outline, axis=0).max()))
     advice = ""
-    if _DEVIATIONS * loosest > unsure:
+    if not curve.explains(one.scans, read.distribution):
+        times = math.sqrt(float(curve.costs.sum()) / curve.freedom(one.scans))
+        advice = _LEFT_OVER.format(kind=curve.kind, times=times)
+    elif _DEVIATIONS * loosest > unsure:
         advice = _LOOSE.format(far=_DEVIATIONS * loosest)
     elif _hardly_moved(one, outline, poses[np.isfinite(poses[:, 0])]):
         advice = _HARDLY_MOVED.format(n=len(one.shown))

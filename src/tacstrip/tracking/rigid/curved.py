@@ -83,6 +83,10 @@ class RigidCurve:
         """Return the readings beyond the numbers fitted."""
         return max(int(scans.readings.sum()) - 2 * len(self.poses) - self.angles - self.shape_numbers, 1)
 
+    def explains(self, scans: RigidScans, distribution: str) -> bool:
+        """Whether it leaves no more of the readings than noise does."""
+        return within_noise(self.costs, self.freedom(scans), distribution)
+
     def covariances(self, scans: RigidScans, offsets: Offsets | None) -> tuple[FloatArray, FloatArray]:
         """Return the covariances of the drawn corners (2 N, 2 N) [mm^2] and of the poses (T, 3, 3).
 
@@ -111,6 +115,8 @@ class RigidCurve:
 def rigid_curve(scans: RigidScans, start: Fit, chosen: IntArray, distribution: str) -> RigidCurve | None:
     """Return the curved outline that explains the scans better than a polygon does; None where none does.
 
+    A disc may leave more than noise where the polygon does not: its angles take noise up.
+
     Parameters
     ----------
     scans, start
@@ -124,7 +130,8 @@ def rigid_curve(scans: RigidScans, start: Fit, chosen: IntArray, distribution: s
     tries = [_rounded(scans, start, chosen)]
     if len(start.corners) >= _MOST_ROUNDED or not explained:
         tries += _ovals(scans, start, chosen)
-    good = [one for one in tries if one and within_noise(one.costs, one.freedom(scans), distribution)]
+    told = [one for one in tries if one is not None]
+    good = [o for o in told if o.explains(scans, distribution) or (explained and o.kind == DISC)]
     if explained and good:
         polygon = start.of(chosen)
         numbers = polygon.criterion(few) - polygon.cost
