@@ -9,8 +9,8 @@ from __future__ import annotations
 import contextlib
 import io
 import shlex
+import shutil
 import sys
-import tempfile
 from pathlib import Path
 from typing import ClassVar
 from unittest import mock
@@ -19,8 +19,6 @@ from docutils import nodes
 from docutils.parsers.rst import directives
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
-
-_FOLDERS: dict[str, tempfile.TemporaryDirectory[str]] = {}
 
 
 def run(line: str, folder: Path) -> tuple[int, str]:
@@ -51,8 +49,7 @@ class _Transcript(SphinxDirective):
     }
 
     def run(self) -> list[nodes.Node]:
-        page = _FOLDERS.setdefault(self.env.docname, tempfile.TemporaryDirectory(prefix="tacstrip-docs-"))
-        folder = Path(page.name)
+        folder = self._folder_of_page()
         shown = []
         if "file" in self.options:
             text = "\n".join(self.content) + "\n"
@@ -73,6 +70,15 @@ class _Transcript(SphinxDirective):
         if "file" in self.options:
             return [nodes.paragraph("", "", nodes.literal("", self.options["file"]), nodes.Text(":")), block]
         return [block]
+
+    def _folder_of_page(self) -> Path:
+        # Within the build: a folder elsewhere would stay, as the processes that read pages end without cleaning up.
+        folder = Path(self.env.doctreedir, "transcripts", self.env.docname)
+        if "transcript" not in self.env.temp_data:
+            shutil.rmtree(folder, ignore_errors=True)
+            folder.mkdir(parents=True)
+            self.env.temp_data["transcript"] = True
+        return folder
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
