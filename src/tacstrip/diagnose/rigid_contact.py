@@ -43,8 +43,6 @@ _STILL, _STAYS = 2.5, 0.4  # deviations, that noise alone makes readings change;
 _ORDER = 4  # of a smooth path's splines: so many numbers tell a pose
 _PLACES_A_KNOT, _SHORT, _PAUSE = 4, 5, 4.0  # of a smooth path; places without one; times the usual step
 _FREE = 0.05  # of L: what a contact leaves free at least
-
-
 _SECOND_DIFFERENCES = np.eye(_VERTICES) - 0.5 * (
     np.roll(np.eye(_VERTICES), 1, 0) + np.roll(np.eye(_VERTICES), -1, 0)
 )
