@@ -15,6 +15,8 @@ from one_clock import Clock
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
+gc.disable()  # until tests are collected: what that makes stays
+
 if hasattr(
     signal, "SIGHUP"
 ):  # a suite begun under nohup hangs up like any other, and so do the programs that it starts
@@ -67,6 +69,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def pytest_collection_finish() -> None:
     """Spare the collector of garbage what stays for the whole run: modules and the tests themselves."""
     gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture

@@ -423,7 +423,7 @@ def mutated(draw: st.DrawFn, text: str, bits: list[str]) -> str:
     return text
 
 
-@settings(FIXED, max_examples=400)
+@settings(FIXED, max_examples=120)
 @given(
     st.one_of(
         texts(),
@@ -463,13 +463,13 @@ GEOMETRIES = st.recursive(
 GOOD_GEOJSON = json.dumps({"type": "FeatureCollection", "features": [feature(TRIANGLE), feature(TWO_LINES)]})
 
 
-@settings(FIXED, max_examples=400)
+@settings(FIXED, max_examples=120)
 @given(GEOMETRIES)
 def test_no_parsed_geojson_brings_another_error(source: Any) -> None:
     check(lambda: Contact.from_geojson(source))
 
 
-@settings(FIXED, max_examples=400)
+@settings(FIXED, max_examples=120)
 @given(
     st.one_of(
         texts(),

@@ -23,7 +23,9 @@ from tacstrip.dataset import generation
 from tacstrip.dataset.generation import DataSet, generate
 from tacstrip.errors import OptionError, SpecError
 
-pq, zarr = pytest.importorskip("pyarrow.parquet"), pytest.importorskip("zarr")
+pq = pytest.importorskip("pyarrow.parquet")
+# Loaded where it is needed: every process that collects would wait for it.
+pytestmark = pytest.mark.skipif(find_spec("zarr") is None, reason="needs zarr, of the group dev")
 
 STUDY = """
 name = "few"
@@ -59,7 +61,7 @@ def _files(folder: Path) -> dict[str, bytes]:
 
 
 def test_a_data_set_is_whole_split_by_scene_and_read_without_tacstrip(study: DataSet, tmp_path: Path) -> None:
-    out = tmp_path / "data"
+    zarr, out = pytest.importorskip("zarr"), tmp_path / "data"
     assert generate(study, out)
     scans = ts.simulate_many(study.sensor, study.shapes, study.noise, rng=5, dtype="float32")
     assert scans.labels is not None

@@ -33,7 +33,7 @@ CRP = ts.Sensor(
 )
 PROFILE_I = Noise(positional=0.005)
 FAINT = Noise(positional=0.001)
-_SCANS = 118  # name most faults; from 120 places of the contact on an outline is fitted, which takes ten times as long
+_SCANS = 118  # name most faults; from 120 places of the contact on an outline is fitted
 
 
 def _examined(
@@ -43,11 +43,18 @@ def _examined(
     return diagnose(faulty_log(sensor, contacts, defects, noise, seed, 220.0))
 
 
+@pytest.fixture
+def no_outline(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fit no outline: it takes most of the time, and knows of drift and wander alone."""
+    monkeypatch.setattr("tacstrip.diagnose.rigid_contact._FEWEST_PLACES", 1_000)
+
+
 def _only(report: Report, fault: str, *strips: int) -> Finding:
     assert said(report) == [(fault, strips)]
     return report.findings[0]
 
 
+@pytest.mark.usefixtures("no_outline")
 def test_a_cut_strip_and_where_it_is_cut() -> None:
     for sensor in (RUBBER, METAL):
         found = _only(_examined(sensor, Defect("open-strip", 7, 0.6), scans=240), "open-strip", 7)
@@ -75,6 +82,7 @@ def test_an_open_end_is_a_clamp_and_not_two_dead_wires(
     assert words in found.evidence
 
 
+@pytest.mark.usefixtures("no_outline")
 @pytest.mark.parametrize("strip", [0, 7])
 def test_an_open_end_beside_strips_at_rest_does_not_come_and_go(strip: int) -> None:
     """It reads Vref under every contact and rests as the others do; a level that stays without contact is stuck."""
@@ -110,6 +118,7 @@ def test_a_cut_sensing_strip() -> None:
     assert min(found.numbers.values()) > 5
 
 
+@pytest.mark.usefixtures("no_outline")
 def test_shorts_of_wires_and_over_metal() -> None:
     tied = _only(_examined(RUBBER, Defect("short", 4, 1.0, "kh")), "short", 4, 5)
     assert tied.numbers["differ"] < 0.3 * tied.numbers["others"]
@@ -231,6 +240,7 @@ def test_drift_of_one_strip_and_at_rest() -> None:
     assert every.numbers["change"] == pytest.approx(-0.03, abs=0.003)
 
 
+@pytest.mark.usefixtures("no_outline")
 @pytest.mark.parametrize("hertz", [50.0, 60.0])
 def test_hum_of_one_strip_and_of_all(hertz: float) -> None:
     for strip, strips in ((6, (6,)), (None, ())):
@@ -239,6 +249,7 @@ def test_hum_of_one_strip_and_of_all(hertz: float) -> None:
         assert found.numbers["amplitude"] == pytest.approx(0.02, rel=0.3)
 
 
+@pytest.mark.usefixtures("no_outline")
 def test_hum_that_sampling_hides_is_listed_as_unchecked() -> None:
     contacts = exercise(RUBBER, np.random.default_rng(5), 480)
     report = diagnose(faulty_log(RUBBER, contacts, [Defect("hum", size=0.02)], FAINT, 0, rate_hertz=10.0))
@@ -246,6 +257,7 @@ def test_hum_that_sampling_hides_is_listed_as_unchecked() -> None:
     assert any("hum at 50 and 60 Hz" in reason for reason in report.unchecked)
 
 
+@pytest.mark.usefixtures("no_outline")
 def test_excess_noise_of_one_strip_and_of_all() -> None:
     one = _only(_examined(RUBBER, Defect("noise", 6, 0.03)), "noise", 6)
     assert one.numbers["sigma"] == pytest.approx(0.03, rel=0.3)
@@ -258,6 +270,7 @@ def test_missing_bits() -> None:
     assert "9 of 12 bits are left" in found.evidence
 
 
+@pytest.mark.usefixtures("no_outline")
 @pytest.mark.parametrize("half_width", [0.002, 0.005, 0.01])
 def test_noise_in_the_terms_of_the_thesis(half_width: float) -> None:
     report = _examined(RUBBER, noise=Noise(positional=half_width), scans=480)
@@ -269,6 +282,7 @@ def test_noise_in_the_terms_of_the_thesis(half_width: float) -> None:
     assert noise.vertex_rms_mm == pytest.approx(bound, rel=0.2)
 
 
+@pytest.mark.usefixtures("no_outline")
 def test_a_unit_without_calibration_is_not_broken_but_is_told_so() -> None:
     offsets = (
         np.array([0.345, 0.016, 0.353, 0.317, 0.080, 0.161, 0.070, 0.261, 0.168, 0.291]) / 6.05

@@ -355,7 +355,7 @@ LITERALS = st.one_of(
 LINES = st.builds("{} = {}".format, st.sampled_from(sorted(KEYS)) | texts(max_size=5), LITERALS)
 
 
-@settings(FIXED, max_examples=300)
+@settings(FIXED, max_examples=100)
 @given(
     st.one_of(
         st.binary(),

@@ -43,6 +43,10 @@ _STILL, _STAYS = 2.5, 0.4  # deviations, that noise alone makes readings change;
 _ORDER = 4  # of a smooth path's splines: so many numbers tell a pose
 _PLACES_A_KNOT, _SHORT, _PAUSE = 4, 5, 4.0  # of a smooth path; places without one; times the usual step
 _FREE = 0.05  # of L: what a contact leaves free at least
+_SECOND_DIFFERENCES = np.eye(_VERTICES) - 0.5 * (
+    np.roll(np.eye(_VERTICES), 1, 0) + np.roll(np.eye(_VERTICES), -1, 0)
+)
+_BEND = _SECOND_DIFFERENCES.T @ _SECOND_DIFFERENCES
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,21 +188,21 @@ class RigidContact:
         number = self._outline.size + np.arange(self.strips * own.shape[2]).reshape(self.strips, -1)
         first = np.concatenate([np.arange(self._outline.size), number[:, :-terms].ravel()])
         last = number[:, -terms:].ravel()
-        prior, now = self._prior()
-        root = cholesky(normal[np.ix_(first, first)] + prior, lower=True, check_finite=False)
-        beside = np.column_stack([normal[np.ix_(first, last)], right[first] - prior @ now])
+        precise, score = normal[np.ix_(first, first)], right[first]
+        self._add_prior(precise, score)
+        root = cholesky(precise, lower=True, check_finite=False)
+        beside = np.column_stack([normal[np.ix_(first, last)], score])
         reduced = solve_triangular(root, beside, lower=True, check_finite=False)
         score = right[last] - reduced[:, :-1].T @ reduced[:, -1]
         return Explanation(normal[np.ix_(last, last)], score, reduced[:, :-1])
 
     def _stepped(self, damping: float) -> RigidContact:
         normal, right, eliminated = self._without_poses(self._equations, damping)
-        prior, now = self._prior()
-        normal += prior
+        self._add_prior(normal, right)
         corner = np.arange(self._outline.size)
         normal[corner, corner] += damping * np.tile((self.sigma / (_STEPS[3] * self._half)) ** 2, _VERTICES)
         factor = cho_factor(normal, check_finite=False)
-        step = cho_solve(factor, right - prior @ now, check_finite=False)
+        step = cho_solve(factor, right, check_finite=False)
         most = np.array(_MOST_STEP) * self._units
         poses = self._poses + np.clip(eliminated(step), -most, most)
         outline = self._outline + step[corner].reshape(-1, 2)
@@ -333,17 +337,18 @@ class RigidContact:
 
         return normal[:-1, :-1], normal[:-1, -1], poses
 
-    def _prior(self) -> tuple[FloatArray, FloatArray]:
-        """Return the precision of outline and constant errors, for readings of weight 1, and what these are."""
-        corners, now = self._outline.size, np.concatenate([self._outline.ravel(), self._constant.ravel()])
-        own = 1.0 / np.array([_OFFSET, _GAIN, *[_UNEVEN] * _KNOTS]) ** 2
-        out = np.diag(np.concatenate([np.zeros(corners), np.tile(own, self._constant.size // _OWN)]))
-        bend = np.eye(_VERTICES) - 0.5 * (
-            np.roll(np.eye(_VERTICES), 1, 0) + np.roll(np.eye(_VERTICES), -1, 0)
-        )
+    def _add_prior(self, normal: FloatArray, right: FloatArray) -> None:
+        """Add to normal equations what is known of outline and constant errors, where readings have weight 1."""
+        corners, variance = self._outline.size, self.sigma**2
         for i, half in enumerate(self._half):
-            out[i:corners:2, i:corners:2] = bend.T @ bend / (_SMOOTH * half) ** 2
-        return out * self.sigma**2, now
+            precision = variance * _BEND / (_SMOOTH * half) ** 2
+            normal[i:corners:2, i:corners:2] += precision
+            right[i:corners:2] -= precision @ self._outline[:, i]
+        own = np.tile(
+            variance / np.array([_OFFSET, _GAIN, *[_UNEVEN] * _KNOTS]) ** 2, self._constant.size // _OWN
+        )
+        np.einsum("ii->i", normal)[corners:] += own
+        right[corners:] -= own * self._constant.ravel()
 
 
 def _usable(work: WorkingCopy) -> tuple[BoolArray, IntArray]:

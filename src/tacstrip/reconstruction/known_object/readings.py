@@ -27,7 +27,8 @@ STARTS = 48  # angles
 GUESS = 0.005  # of Vref: noise of a search where none is given
 _COARSE_STRIPS = 60  # of the search; the poses found are refined on all strips
 _NEAR = 4.0  # spreads within which two descents ended in one pose
-_SETTLED = 1e-3  # gain in chi square that ends a descent
+_SETTLED, _SETTLED_SHARE = 1e-3, 1e-4  # gain in chi square that ends a descent, and of what it has left
+_PROMISE = 4.0  # times what a descent's step would gain: no worse than this it may end
 _RAIL = 0.05  # of Vref: nearer to ground or Vref the contact may lie over the border
 _PARTLY = 0.1  # of the width: how far off a strip is modelled that a corner or a steep edge lies on
 _LEAST_NOISE = 2e-4  # of Vref: sensors that read better are compared with that
@@ -104,15 +105,15 @@ class PoseFit:
         x = np.clip(every, low + slack, high - slack)  # (B, lines): beside the outline its end corner is read
         there = (x == every).reshape(len(poses), *lines.shape)
         there |= ~there.any(axis=-1, keepdims=True)
-        run = np.where(np.abs(bx - ax) < 1e-12, 1e-12, bx - ax)
-        share = (x[:, None] - ax) / run  # (B, N, lines)
-        crossed = (share >= 0.0) & (share <= 1.0)
-        y, steep = ay + share * (by - ay), ((by - ay) / run)[..., 0]
+        off = x[:, None] - ax  # (B, N, lines)
+        missed = off * (x[:, None] - bx) > 0.0
+        steep = (by - ay) / np.where(np.abs(bx - ax) < 1e-12, 1e-12, bx - ax)
+        y, steep = ay + steep * off, steep[..., 0]
         pose, line = np.arange(len(poses))[:, None], np.arange(len(every))
         found: list[FloatArray] = []
         slopes: list[FloatArray] = []
         for sign in (1.0, -1.0):
-            edge = np.where(crossed, sign * y, np.inf).argmin(axis=1)
+            edge = np.where(missed, np.inf, sign * y).argmin(axis=1)
             at = y[pose, edge, line]
             slope = np.where(x == every, steep[pose, edge], 0.0)
             out = np.hypot(1.0, slope)
@@ -199,28 +200,35 @@ class PoseFit:
     def descend(self, poses: FloatArray, steps: int) -> tuple[FloatArray, FloatArray]:
         """Return where descents from poses (B, 4) end, and their costs (B,)."""
         p = self.parameters
-        poses = poses.copy()
+        ended, least = poses.copy(), np.full(len(poses), np.inf)
+        going, poses = np.arange(len(poses)), poses.copy()
         residual, slope = self.rows(poses)
         cost, damping = (residual**2).sum(axis=1), np.full(len(poses), 1e-3)
         for _ in range(steps):
             j = slope[..., :p]
             normal, gradient = np.einsum("bmi,bmj->bij", j, j), np.einsum("bmi,bm->bi", j, residual)
             size = np.einsum("bii->bi", normal)
-            normal[:, range(p), range(p)] += (
-                damping[:, None] * size + 1e-12 * (1.0 + size.max(axis=1))[:, None]
-            )
+            ridge = damping[:, None] * size + 1e-12 * (1.0 + size.max(axis=1))[:, None]
+            normal[:, range(p), range(p)] += ridge
+            step = np.linalg.solve(normal, gradient[..., None])[..., 0]
+            promised = (step * (gradient + ridge * step)).sum(axis=1)  # the gain, were readings linear
             trial = poses.copy()
-            trial[:, :p] += np.linalg.solve(normal, gradient[..., None])[..., 0]
+            trial[:, :p] += step
             new_residual, new_slope = self.rows(trial)
             new = (new_residual**2).sum(axis=1)
             better = new < cost
-            gain = np.where(better, cost - new, 0.0)
             poses[better], cost[better] = trial[better], new[better]
             residual[better], slope[better] = new_residual[better], new_slope[better]
             damping = np.clip(np.where(better, 0.2 * damping, 6.0 * damping), 1e-9, 1e9)
-            if not (gain > _SETTLED).any() and (better | (damping > 1e4)).all():
+            ended[going], least[going] = poses, cost
+            on = promised > np.maximum(_SETTLED, _SETTLED_SHARE * cost)
+            on &= better | (damping <= 1e4)
+            if not (on & (cost - _PROMISE * promised <= worth(least))).any():
                 break
-        return poses, cost
+            if not on.all():
+                going, poses, cost, damping = going[on], poses[on], cost[on], damping[on]
+                residual, slope = residual[on], slope[on]
+        return ended, least
 
     def covariance(self, pose: FloatArray) -> FloatArray:
         """Return the covariance (P, P) of a pose (4,)."""
@@ -295,12 +303,17 @@ def noise_left(fit: PoseFit, pose: FloatArray) -> float:
     return math.sqrt(float((left**2).sum()) / max(freedom_of(fit), 1))
 
 
+def worth(cost: FloatArray) -> float:
+    """Return the cost up to which poses are kept, of what descents cost (B,)."""
+    return float(cost.min() + max(25.0, 0.5 * cost.min()))
+
+
 def distinct(fit: PoseFit, poses: FloatArray, cost: FloatArray) -> FloatArray:
     """Return the different poses (M, 4) among those where descents ended, the best first; poor ones are left out."""
     kept: list[FloatArray] = []
     size = float(np.linalg.norm(fit.corners, axis=1).max())
     units = np.array([size, size, 1.0])
-    poses = poses[np.argsort(cost, kind="stable")][: np.sum(cost <= cost.min() + max(25.0, 0.5 * cost.min()))]
+    poses = poses[np.argsort(cost, kind="stable")][: np.sum(cost <= worth(cost))]
     own = np.sqrt(np.maximum(np.einsum("bii->bi", fit.covariances(poses))[:, :3], 0.0))
     for pose, near in zip(poses, np.minimum(_NEAR * own, 0.1 * units) + 1e-3 * units, strict=True):
         if len(kept) < STARTS and not any((np.abs(_difference(pose, other)) <= near).all() for other in kept):
