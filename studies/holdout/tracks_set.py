@@ -6,7 +6,7 @@ import argparse
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import shapely
@@ -18,14 +18,22 @@ from studies.holdout.readings import Unit, white
 from studies.holdout.score import CLAIMS, FINAL, RIGHT
 from studies.holdout.shapes import Array, counter_clockwise
 from studies.holdout.tracks_bound import Told, at
+from tacstrip.arrays import IntArray
 from tacstrip.errors import one_of
 
 _SIDE = 100.0  # of the sensor [mm]
 _APART_S = 0.01  # from scan to scan
 _OFFSET = 0.003  # of a channel, over Vref: standard deviation
 _WANDER = 10.0  # scans: time of the errors that follow each other
+_ALIKE = 0.5  # correlation of the errors of neighbouring strips
+_GAIN = 0.01  # of one strip's channels
+_SOFT, _SOFT_ALIKE = (
+    0.3,
+    0.4,
+)  # ends of a contact with soft edges: deviation [mm], correlation of neighbouring strips
 # Pitches, of the size, stated deviations: right is below the largest.
 _TOLD, _OF_SIZE, _SIGMAS = 0.1, 0.01, 4.0
+LEVEL = 0.95  # of the regions
 
 
 @dataclass(frozen=True)
@@ -35,7 +43,7 @@ class Row:
     strips: int = 10
     names: tuple[str, ...] = ("kh", "kl")
     level: float = 0.005
-    scans: int = 50
+    scans: int | tuple[int, ...] = 50
     shapes: tuple[str, ...] = ("convex",)
     motions: tuple[str, ...] = ("slide", "turn", "both")
     noises: tuple[str, ...] = ("uniform", "normal")
@@ -71,6 +79,13 @@ ROWS = {
     "grows": Row(body="grows"),
     "shears": Row(body="shears"),
     "rolls": Row(body="rolls"),
+    "any": Row(
+        shapes=("convex", "random", "long", "rounded", "ellipse", "disc", "L", "T", "arrow"),
+        motions=("slide", "turn", "both", "presses", "stops", "jumps", "full turns"),
+        scans=(20, 30, 50),
+        noises=("uniform", "normal", "alike", "gain", "offset", "soft", "told 1.15", "told 1.5", "told 2", "unknown"),
+    ),
+    "creeps": Row(body="creeps"),
 }  # fmt: skip
 
 
@@ -81,9 +96,9 @@ class Scene:
     Attributes
     ----------
     outline, poses
-        Of a rigid one (N, 2) [mm] and (T, 3), else None.
-    motion
-        Of `Row.motions`.
+        Of a rigid one, or of one that hardly deforms on the whole (N, 2) [mm] and (T, 3), else None.
+    kind, motion, noise
+        Of `Row.shapes`, `Row.motions` and `Row.noises`.
     read
         Readings (T, S, n) over Vref, NaN untouched.
     """
@@ -94,7 +109,17 @@ class Scene:
     curved: bool
     poses: Array
     read: Array
+    kind: str
     motion: str
+    noise: str
+
+    @property
+    def told(self) -> ts.Noise | None:
+        """What the package is told of the noise; None: nothing."""
+        if self.noise == "unknown":
+            return None
+        times = float(self.noise.removeprefix("told ")) if self.noise.startswith("told ") else 1.0
+        return ts.Noise(positional=self.row.level / times)
 
     @property
     def scans(self) -> list[ts.Scan]:
@@ -116,33 +141,36 @@ class Verdict:
     rms: float = math.nan
     bound: float = math.nan
     iou: float = 0.0
+    far: float = math.nan  # in the median scan: Hausdorff's distance of the outlines, beside what is stated
+    beyond: bool = False
     shape_square: float = math.nan  # probability of chi square below the shape's error
     pose_squares: list[float] = field(default_factory=list)
+    place_squares: list[float] = field(default_factory=list)  # likewise of the centroids, of any outline
     ms: float = 0.0
     advice: str = ""
 
 
-def scene(name: str, seed: int, number: int) -> Scene:
-    """Return a scene of `ROWS`."""
-    row, random = ROWS[name], np.random.default_rng([77, list(ROWS).index(name), seed, number])
+def scene(name: str, seed: int, number: int, noises: tuple[str, ...] = ()) -> Scene:
+    """Return a scene of `ROWS`, with other noises where some are named."""
+    row = replace(ROWS[name], noises=noises) if noises else ROWS[name]
+    random = np.random.default_rng([77, list(ROWS).index(name), seed, number])
     unit = Unit(row.names, row.strips, _SIDE / row.strips, _SIDE)
+    count = row.scans if isinstance(row.scans, int) else int(random.choice(row.scans))
     while True:
         kind, motion = str(random.choice(row.shapes)), str(random.choice(row.motions))
         size = random.uniform(18.0, 30.0) if row.strips <= 10 else random.uniform(12.0, 22.0)
         if row.body == "two":
-            bodies = [_drawn("convex", random, random.uniform(11.0, 15.0)) for _ in range(2)]
+            bodies = [drawn_outline("convex", random, random.uniform(11.0, 15.0)) for _ in range(2)]
             lanes = np.array([[50.0, 28.0, 0.0], [50.0, 72.0, 0.0]])  # they share strips, and never touch
             ways = [
-                lane + (_way("both", row.scans, random, lane[1]) - lane) * [0.5, 0.5, 1.0] for lane in lanes
+                lane + (drawn_way("both", count, random, lane[1]) - lane) * [0.5, 0.5, 1.0] for lane in lanes
             ]
         elif kind == "small":
-            bodies = [_drawn("convex", random, unit.pitch * random.uniform(0.5, 1.0))]
-            ways = [_way(motion, row.scans, random)]
+            bodies = [drawn_outline("convex", random, unit.pitch * random.uniform(0.5, 1.0))]
+            ways = [drawn_way(motion, count, random)]
         else:
-            bodies, ways = [_drawn(kind, random, size)], [_way(motion, row.scans, random)]
-        placed = [
-            _posed(_changing(b, row.body, row.scans, random), w) for b, w in zip(bodies, ways, strict=True)
-        ]
+            bodies, ways = [drawn_outline(kind, random, size)], [drawn_way(motion, count, random)]
+        placed = [_posed(_changing(b, row.body, count, random), w) for b, w in zip(bodies, ways, strict=True)]
         reach = [(min(o.min() for o in p), max(o.max() for o in p)) for p in placed]
         inside = all(low > 1.0 and high < _SIDE - 1.0 for low, high in reach)
         if motion == "border":
@@ -159,26 +187,45 @@ def scene(name: str, seed: int, number: int) -> Scene:
         if kind == "small" or touched[touched > 0].min() >= 3 or motion == "border":
             break
     if motion == "two presses":
-        low[row.scans // 2 - 1 : row.scans // 2 + 1] = np.nan
+        low[count // 2 - 1 : count // 2 + 1] = np.nan
+    noise = str(random.choice(row.noises))
+    if noise == "soft":
+        off = _SOFT * _alike((2, *low.shape), _SOFT_ALIKE, random)
+        low, high = np.clip(low + off[0], 0.0, high), np.clip(high + off[1], low, _SIDE)
     read = np.stack([unit.read(a, b) for a, b in zip(low, high, strict=True)])
-    read = np.clip(read + _errors(read.shape, row, random), 0.0, 1.0)
-    rigid = row.body == "rigid"
-    curved = kind in ("rounded", "ellipse")
-    return Scene(unit, row, bodies[0] if rigid else None, curved, ways[0], read, motion)
+    read = np.clip(read + _errors(read, noise, row.level, random), 0.0, 1.0)
+    rigid = row.body in ("rigid", "creeps")
+    curved = kind in ("rounded", "ellipse", "disc")
+    return Scene(unit, row, bodies[0] if rigid else None, curved, ways[0], read, kind, motion, noise)
 
 
-def _errors(shape: tuple[int, ...], row: Row, random: np.random.Generator) -> Array:
-    kind, sigma = str(random.choice(row.noises)), row.level / math.sqrt(3.0)
+def _errors(read: Array, kind: str, level: float, random: np.random.Generator) -> Array:
+    shape, sigma = read.shape, level / math.sqrt(3.0)
     if kind == "wander":
         keep, new = math.exp(-1.0 / _WANDER), random.normal(size=shape)
         for i in range(1, len(new)):
             new[i] = keep * new[i - 1] + math.sqrt(1.0 - keep**2) * new[i]
         return np.asarray(sigma * math.sqrt(0.5) * (new + random.normal(size=shape)))
-    errors = white(shape, row.level, "normal" if kind == "normal" else "uniform", random)
+    if kind == "alike":
+        return sigma * _alike(shape, _ALIKE, random)
+    errors = white(shape, level, "normal" if kind == "normal" else "uniform", random)
+    if kind in ("gain", "offset"):
+        touched = np.isfinite(read[:, 0]).sum(axis=0)
+        strip = int(random.choice(np.flatnonzero(touched == touched.max())))
+        errors[..., strip] += _GAIN * read[..., strip] if kind == "gain" else 0.0
+        errors[:, 0, strip] += _OFFSET * (kind == "offset")
     return errors + (random.normal(0.0, _OFFSET, shape[1:]) if kind == "offsets" else 0.0)
 
 
-def _drawn(kind: str, random: np.random.Generator, size: float) -> Array:
+def _alike(shape: tuple[int, ...], correlation: float, random: np.random.Generator) -> Array:
+    """Return normal errors of deviation 1 that are correlated from each strip, the last axis, to the next."""
+    new = random.normal(size=shape)
+    for i in range(1, shape[-1]):
+        new[..., i] = correlation * new[..., i - 1] + math.sqrt(1.0 - correlation**2) * new[..., i]
+    return np.asarray(new)
+
+
+def drawn_outline(kind: str, random: np.random.Generator, size: float) -> Array:
     """Return an outline about its centroid, `size` [mm] from there to its farthest corner, of clear corners."""
     a, b = random.uniform(0.3, 0.55, 2)
     slender = random.uniform(0.65, 1.0)
@@ -193,9 +240,15 @@ def _drawn(kind: str, random: np.random.Generator, size: float) -> Array:
             )
         case "arrow":
             outline = np.array([(0, 0), (0.3 + a, 0.55), (0, 1.1), (1.5, 0.55)])
-        case "ellipse":
+        case "ellipse" | "disc":
             angle = np.linspace(0.0, 2.0 * np.pi, 180, endpoint=False)
-            outline = np.stack([np.cos(angle), random.uniform(0.5, 0.85) * np.sin(angle)], axis=1)
+            half = random.uniform(0.5, 0.85) if kind == "ellipse" else 1.0
+            outline = np.stack([np.cos(angle), half * np.sin(angle)], axis=1)
+        case "long":
+            c, d = random.uniform(0.12, 0.3, 2)
+            outline = np.array([(-1, -c), (1, -d), (1 + a - 0.4, d), (-1, c)])
+        case "random":
+            outline = _convex(random, clear=False)
         case "rounded":
             core = shapely.box(0.0, 0.0, 1.0, slender).buffer(-0.2).buffer(0.2, quad_segs=16)
             outline = np.array(core.exterior.coords)[:-1]
@@ -206,8 +259,8 @@ def _drawn(kind: str, random: np.random.Generator, size: float) -> Array:
     return np.asarray(outline * size / np.hypot(*outline.T).max())
 
 
-def _convex(random: np.random.Generator) -> Array:
-    """Return a convex polygon of 3 to 8 corners that turn by 20 degrees or more, with edges of some length."""
+def _convex(random: np.random.Generator, clear: bool = True) -> Array:
+    """Return a convex polygon of 3 to 8 corners; clear ones turn by 20 degrees or more, with edges of some length."""
     corners = int(random.integers(3, 9))
     while True:
         points = random.normal(size=(40, 2))
@@ -221,12 +274,12 @@ def _convex(random: np.random.Generator) -> Array:
         heading = np.arctan2(edge[:, 1], edge[:, 0])
         turns = (np.roll(heading, -1) - heading) % (2.0 * np.pi)
         extent = np.linalg.eigvalsh(np.cov(outline.T))
-        clear = turns.min() > np.radians(20.0) and turns.max() < 2.6 and np.hypot(*edge.T).min() > 0.35
-        if clear and extent[0] > 0.2 * extent[1]:
+        sharp = turns.min() > np.radians(20.0) and turns.max() < 2.6 and np.hypot(*edge.T).min() > 0.35
+        if (sharp or not clear) and extent[0] > 0.2 * extent[1]:
             return np.asarray(outline)
 
 
-def _way(motion: str, scans: int, random: np.random.Generator, middle_y: float = 50.0) -> Array:
+def drawn_way(motion: str, scans: int, random: np.random.Generator, middle_y: float = 50.0) -> Array:
     """Return poses (T, 3) [mm, mm, rad]."""
     t = np.linspace(0.0, 1.0, scans)
     centre = np.array([50.0, middle_y, random.uniform(0.0, 2.0 * np.pi)])
@@ -255,6 +308,17 @@ def _way(motion: str, scans: int, random: np.random.Generator, middle_y: float =
             return smooth(
                 random.uniform(-8.0, 8.0), random.uniform(-8.0, 8.0), np.sign(turn) * random.uniform(6.3, 9.5)
             )
+        case "stops":
+            way = smooth(go, random.uniform(-8.0, 8.0), turn)
+            begin = int(random.integers(scans // 4, scans // 2))
+            return np.asarray(
+                way[np.concatenate([np.arange(begin), np.full(scans // 4, begin), _rest(begin, scans)])]
+            )
+        case "jumps":
+            way = smooth(go, random.uniform(-8.0, 8.0), turn)
+            for at in random.integers(3, scans - 3, 2):
+                way[at:] += random.normal(0.0, [3.0, 3.0, 0.2])
+            return way
         case "along":
             along = CubicSpline([0.0, 0.5, 1.0], [-0.5, random.uniform(-0.12, 0.12), 0.5])(t)
             return np.asarray(centre + np.outer(along, [0.0, random.uniform(6.0, 25.0), 0.0]))
@@ -269,16 +333,23 @@ def _way(motion: str, scans: int, random: np.random.Generator, middle_y: float =
     return np.vstack([first[: scans // 2], then[: scans - scans // 2]])
 
 
+def _rest(begin: int, scans: int) -> Array:
+    """Return the scans of a way from `begin` to its end, that take a quarter of it less time than it has."""
+    return np.linspace(begin, scans - 1, scans - begin - scans // 4).round().astype(int)
+
+
 def _changing(outline: Array, body: str, scans: int, random: np.random.Generator) -> list[Array]:
     """Return the outline in each scan, in its frame."""
     t = np.linspace(-0.5, 0.5, scans)
     match body:
         case "grows":
             return [outline * (1.0 + s) for s in random.uniform(0.15, 0.3) * t]
+        case "creeps":
+            return [outline * (1.0 + s) for s in random.uniform(0.03, 0.1) * t]
         case "shears":
             return [outline @ np.array([[1.0, 0.0], [s, 1.0]]) for s in random.uniform(0.3, 0.6) * t]
         case "rolls":  # over its edges: what is in touch goes from one face to another
-            other = _drawn("convex", random, float(np.hypot(*outline.T).max()))
+            other = drawn_outline("convex", random, float(np.hypot(*outline.T).max()))
             a, b = _by_angle(outline), _by_angle(other)
             return [(0.5 - s) * a + (0.5 + s) * b for s in t]
     return [outline] * scans
@@ -347,7 +418,7 @@ def limits(name: str, scenes: list[Scene], mm: float, draws: int = 120) -> str:
 
 def judged(of: Scene) -> Verdict:
     """Return what the package makes of a scene."""
-    scans, noise = of.scans, ts.Noise(positional=of.row.level)
+    scans, noise = of.scans, of.told
     begun = time.thread_time()
     tracks = ts.track(scans, of.unit.sensor, noise)
     spent = 1e3 * (time.thread_time() - begun) / len(scans)
@@ -362,6 +433,12 @@ def judged(of: Scene) -> Verdict:
         _iou(one.placed(int(i)), at(of.outline, of.poses[i])) for i in shown[:: max(1, len(shown) // 12)]
     ]
     found.iou = float(np.median(overlaps)) if overlaps else 0.0
+    found.far = _median_distance(one, of, shown)
+    size = float(np.ptp(of.outline, axis=0).max())
+    corner = 0.0 if one.covariance is None else _loosest(one)
+    found.beyond = found.far > max(_SIGMAS * corner, _TOLD * of.unit.pitch, _OF_SIZE * size)
+    if one.covariance is not None and one.by_scan is None:
+        found.place_squares = [_place_square(one, of, int(i)) for i in shown]
     found.counted = of.curved or len(one.outline) == len(of.outline)
     found.right = found.iou >= RIGHT and found.counted
     if of.curved or not found.counted:
@@ -373,12 +450,32 @@ def judged(of: Scene) -> Verdict:
         math.sqrt(told(of).cramer_rao().trace() / len(off)),
     )
     stated = 0.0 if one.covariance is None else math.sqrt(one.covariance.trace() / len(off))
-    size = float(np.ptp(of.outline, axis=0).max())
     found.right &= found.rms <= max(_SIGMAS * stated, _TOLD * of.unit.pitch, _OF_SIZE * size)
     if one.covariance is not None and one.by_scan is None:
         found.shape_square = _shape_square(one, of.outline, shift)
         found.pose_squares = [_pose_square(one, of, shift, int(i)) for i in shown]
     return found
+
+
+def _median_distance(one: ts.Track, of: Scene, shown: IntArray) -> float:
+    assert of.outline is not None
+    few = [int(i) for i in shown[:: max(1, len(shown) // 12)]]
+    if not len(one.outline):
+        return math.inf
+    apart = [hausdorff_mm(at(one.outline, one.poses[i]), at(of.outline, of.poses[i])) for i in few]
+    return float(np.median(apart))
+
+
+def hausdorff_mm(a: Array, b: Array) -> float:
+    """Return Hausdorff's distance of two outlines (N, 2) [mm]."""
+    return float(shapely.Polygon(a).buffer(0).hausdorff_distance(shapely.Polygon(b)))
+
+
+def _loosest(one: ts.Track) -> float:
+    """Return the stated deviation of the corner that is known least [mm], in the median scan."""
+    assert one.covariance is not None
+    moved = np.nanmedian(one.pose_covariances[:, :2, :2].trace(axis1=1, axis2=2))
+    return math.sqrt(float(one.covariance.diagonal().reshape(-1, 2).sum(axis=1).max() + moved))
 
 
 def _iou(a: Array, b: Array) -> float:
@@ -420,15 +517,56 @@ def _pose_square(one: ts.Track, of: Scene, shift: int, scan: int) -> float:
     return float(chdtr(3, error @ np.linalg.solve(one.pose_covariances[scan], error)))
 
 
+def _place_square(one: ts.Track, of: Scene, scan: int) -> float:
+    """Return that of the place of an outline's centroid."""
+    assert of.outline is not None
+    true = at(shapely.get_coordinates(shapely.Polygon(of.outline).centroid), of.poses[scan])[0]
+    x, y = one.centroids[scan] - one.poses[scan, :2]
+    by = np.array([[1.0, 0.0, -y], [0.0, 1.0, x]])
+    error = one.centroids[scan] - true
+    return float(chdtr(2, error @ np.linalg.solve(by @ one.pose_covariances[scan] @ by.T, error)))
+
+
+def claims(scenes: list[Scene], found: list[Verdict]) -> str:
+    """Return a table of what tracks claim and what holds, by what was drawn."""
+    keys: dict[str, Callable[[Scene, Verdict], str]] = {
+        "all": lambda s, v: "all",
+        "status": lambda s, v: v.status,
+        "shape": lambda s, v: s.kind,
+        "motion": lambda s, v: s.motion,
+        "noise": lambda s, v: s.noise,
+        "scans": lambda s, v: str(len(s.poses)),
+    }
+    lines = [CLAIMS_HEAD]
+    for what, key in keys.items():
+        of_each = [key(s, v) for s, v in zip(scenes, found, strict=True)]
+        for value in dict.fromkeys(of_each):
+            some = [v for v, own in zip(found, of_each, strict=True) if own == value]
+            said = [v for v in some if v.claims]
+            status = [v.status for v in some]
+            cells = [f"{what}: {value}", str(len(some)), *(str(status.count(s)) for s in ("ok", "likely"))]
+            cells += [str(sum(wrong)) for wrong in ([v.beyond for v in said], [v.iou < RIGHT for v in said])]
+            cells.append(str(sum(not v.counted for v in said)))
+            cells.append(f"{sum(not v.claims and not v.beyond and v.counted for v in some)}")
+            for part in (said, some):
+                held = [v.shape_square < LEVEL for v in part if np.isfinite(v.shape_square)]
+                cells.append(f"{np.mean(held):.2f} of {len(held)}" if held else "-")
+                for squares in ([v.pose_squares for v in part], [v.place_squares for v in part]):
+                    every = [p < LEVEL for of_one in squares for p in of_one]
+                    cells.append(f"{np.mean(every):.3f}" if every else "-")
+            lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
 def line(name: str, found: list[Verdict]) -> str:
     """Return a row of the table."""
-    rigid = ROWS[name].body == "rigid"
+    rigid = ROWS[name].body in ("rigid", "creeps")
     status = [v.status for v in found]
     rms = np.array([v.rms for v in found if np.isfinite(v.rms)])
     over = np.array([v.rms / v.bound for v in found if np.isfinite(v.rms)])
     wrong = sum(v.claims and not v.right for v in found)
-    shape = [v.shape_square < 0.95 for v in found if np.isfinite(v.shape_square) and v.right]
-    poses = [p < 0.95 for v in found if v.right for p in v.pose_squares]
+    shape = [v.shape_square < LEVEL for v in found if np.isfinite(v.shape_square) and v.right]
+    poses = [p < LEVEL for v in found if v.right for p in v.pose_squares]
     cells = [name, str(len(found)), *(str(status.count(s)) for s in ("ok", "likely", "doubtful")), str(wrong)]
     cells.append(str(sum(v.right and v.status == "doubtful" for v in found)) if rigid else "-")
     cells.append(f"{np.mean([v.counted for v in found]):.2f}" if rigid else "-")
@@ -444,6 +582,10 @@ def line(name: str, found: list[Verdict]) -> str:
 HEAD = (
     "| row | scenes | ok | likely | doubtful | silent wrong | right, doubted | count | RMS | p90 | over bound | p90 | "
     "95 % shape | poses | ms a scan |\n" + "| --- " * 15 + "|"
+)
+CLAIMS_HEAD = (
+    "| drawn | scenes | ok | likely | claimed: beyond | IoU < .8 | count | right, doubted | claimed: 95 % shape "
+    "| poses | places | all: 95 % shape | poses | places |\n" + "| --- " * 14 + "|"
 )
 LIMITS = (
     "| row | scenes | bound of the readings, median | p90 | above {mm:g} mm "
@@ -468,6 +610,8 @@ def main() -> None:
         metavar="MM",
         help="no tracks: what the scenes allow, and how often it is above so much",
     )
+    options.add_argument("--noises", help="in place of the rows' own, separated by semicolons")
+    options.add_argument("--claims", action="store_true", help="a table by shape, motion, noise and scans")
     options.add_argument("--verbose", action="store_true", help="a line for every scene")
     given = options.parse_args()
     if given.seed >= FINAL and not given.final:
@@ -475,23 +619,30 @@ def main() -> None:
     rows = given.rows.split(";") if given.rows else list(ROWS)
     if unknown := [name for name in rows if name not in ROWS]:
         options.error(one_of("--rows", unknown[0], ROWS))
+    noises = tuple(given.noises.split(";")) if given.noises else ()
     print(HEAD if given.limits is None else LIMITS.format(mm=given.limits), flush=True)  # noqa: T201
     for name in rows:
         if given.limits is not None:
-            scenes = [scene(name, given.seed, number) for number in range(given.scenes)]
+            scenes = [scene(name, given.seed, number, noises) for number in range(given.scenes)]
             print(limits(name, scenes, given.limits), flush=True)  # noqa: T201
             continue
-        found = []
+        scenes, found = list[Scene](), list[Verdict]()
         for number in range(given.scenes):
-            of = scene(name, given.seed, number)
+            scenes.append(of := scene(name, given.seed, number, noises))
             found.append(one := judged(of))
             if given.verbose:
                 corners = 0 if of.outline is None or of.curved else len(of.outline)
                 print(  # noqa: T201
-                    f"{number:3d} {corners} {one.status:9s} {'right' if one.right else 'wrong'} count {one.counted} "
-                    f"rms {one.rms:.3f} bound {one.bound:.3f} iou {one.iou:.3f} {one.ms:.1f} ms {one.advice[:90]}"
+                    f"{number:3d} {of.kind} {of.motion} {of.noise} {len(of.poses)} {corners} {one.status:9s} "
+                    f"{'right' if one.right else 'wrong'} count {one.counted} far {one.far:.2f} "
+                    f"{'beyond ' * one.beyond}rms {one.rms:.3f} bound {one.bound:.3f} iou {one.iou:.3f} "
+                    f"shape {one.shape_square:.3f} poses {np.mean(np.array(one.pose_squares) < LEVEL):.2f} "
+                    f"places {np.mean(np.array(one.place_squares) < LEVEL):.2f} {one.ms:.1f} ms {one.advice[:120]}",
+                    flush=True,
                 )
         print(line(name, found), flush=True)  # noqa: T201
+        if given.claims:
+            print(claims(scenes, found), flush=True)  # noqa: T201
 
 
 if __name__ == "__main__":

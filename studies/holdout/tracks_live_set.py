@@ -1,0 +1,136 @@
+"""Live tracks beside the truth when something happens: `python -m studies.holdout.tracks_live_set -h`."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+import tacstrip as ts
+from studies.holdout.readings import Unit, white
+from studies.holdout.score import CLAIMS, FINAL, RIGHT
+from studies.holdout.shapes import Array
+from studies.holdout.tracks_bound import at
+from studies.holdout.tracks_set import drawn_outline, drawn_way, hausdorff_mm
+
+_SIDE, _STRIPS, _LEVEL, _APART_S = (
+    100.0,
+    10,
+    0.005,
+    0.01,
+)  # the sensor [mm]; noise over Vref; from scan to scan
+_BEFORE, _GAP, _AFTER = 40, 4, 40  # scans before, without contact, and after
+_TOLD, _OF_SIZE, _SIGMAS = 0.1, 0.01, 4.0  # as in `tracks_set`
+EVENTS = ("goes on", "stops", "jumps", "lifted", "swapped", "lifted, another", "swapped, alike", "creeps")
+
+
+@dataclass
+class Seen:
+    """Of a scan: whether an object is claimed, and whether it is wrong."""
+
+    after: int
+    claimed: bool
+    wrong: bool
+
+
+def outlines(event: str, random: np.random.Generator) -> list[Array | None]:
+    """Return what touches in every scan (N, 2) [mm], None where nothing does."""
+    while True:
+        size = random.uniform(18.0, 28.0)
+        one = drawn_outline(str(random.choice(["convex", "long", "L"])), random, size)
+        way = drawn_way("both", _BEFORE + _AFTER, random)
+        other = one
+        if event in ("swapped", "lifted, another"):
+            other = drawn_outline("convex", random, random.uniform(18.0, 28.0))
+        elif event == "swapped, alike":
+            other = one * random.choice([0.85, 1.15])
+        if event == "stops":
+            way[_BEFORE:] = way[_BEFORE]
+        elif event == "jumps":
+            way[_BEFORE:] += random.normal(0.0, [4.0, 4.0, 0.3])
+        elif event.startswith("lifted"):
+            way[_BEFORE:, 2] += random.uniform(-3.0, 3.0)
+        grown = np.ones(len(way))
+        if event == "creeps":
+            grown[_BEFORE:] += np.linspace(0.0, random.uniform(0.1, 0.2), _AFTER)
+        placed = [
+            at((one if i < _BEFORE else other) * g, p)
+            for i, (g, p) in enumerate(zip(grown, way, strict=True))
+        ]
+        reach = np.concatenate(placed)
+        if reach.min() > 1.0 and reach.max() < _SIDE - 1.0 and min(np.ptp(o[:, 0]) for o in placed) > 31.0:
+            gap = [None] * (_GAP * event.startswith("lifted"))
+            return [*placed[:_BEFORE], *gap, *placed[_BEFORE:]]
+
+
+def followed(event: str, seed: int, number: int) -> list[Seen]:
+    """Return what the live tracker says scan by scan."""
+    random = np.random.default_rng([78, EVENTS.index(event), seed, number])
+    unit = Unit(("kh", "kl"), _STRIPS, _SIDE / _STRIPS, _SIDE)
+    live, seen = ts.LiveTracks(unit.sensor, ts.Noise(positional=_LEVEL)), list[Seen]()
+    for i, true in enumerate(outlines(event, random)):
+        low, high = unit.touched([] if true is None else [true])
+        read = unit.read(low, high)
+        read = read + white(read.shape, _LEVEL, "uniform", random)
+        scan = ts.Scan(time_s=_APART_S * i, **dict(zip(unit.names, unit.digitised(read), strict=True)))
+        for one in live.update(scan):
+            claimed = one.status in CLAIMS
+            seen.append(Seen(i - _BEFORE, claimed, claimed and (true is None or _wrong(one, true))))
+    return seen
+
+
+def _wrong(one: ts.LiveTrack, true: Array) -> bool:
+    if not np.isfinite(one.pose[0]) or one.covariance is None:
+        return True
+    corner = one.covariance.diagonal().reshape(-1, 2).sum(axis=1).max() + one.pose_covariance[:2, :2].trace()
+    most = max(
+        _SIGMAS * math.sqrt(corner), _TOLD * _SIDE / _STRIPS, _OF_SIZE * float(np.ptp(true, axis=0).max())
+    )
+    found, what = shapely.Polygon(one.placed).buffer(0), shapely.Polygon(true)
+    iou = found.intersection(what).area / max(found.union(what).area, 1e-9)
+    return bool(iou < RIGHT or hausdorff_mm(one.placed, true) > most)
+
+
+HEAD = (
+    "| event | scenes | before: claimed scans | wrong | after: claimed scans | wrong | scenes with 3 and more wrong |\n"
+    + "| --- " * 7
+    + "|"
+)
+
+
+def line(event: str, found: list[list[Seen]]) -> str:
+    """Return a row of the table."""
+    cells = [event, str(len(found))]
+    for after in (False, True):
+        part = [s for one in found for s in one if (s.after >= 0) is after]
+        cells += [f"{np.mean([s.claimed for s in part]):.2f}", str(sum(s.wrong for s in part))]
+    cells.append(str(sum(sum(s.wrong for s in one) >= 3 for one in found)))
+    return "| " + " | ".join(cells) + " |"
+
+
+def main() -> None:
+    """Print a row for each event."""
+    options = argparse.ArgumentParser(
+        description="Live tracks when an object stops, jumps, is lifted, swapped."
+    )
+    options.add_argument("--scenes", type=int, default=20)
+    options.add_argument("--seed", type=int, default=0, help=f"from {FINAL} on: once, at the end")
+    options.add_argument("--final", action="store_true", help=f"unlocks seeds from {FINAL} on")
+    options.add_argument("--verbose", action="store_true", help="scans that are wrong, a line a scene")
+    given = options.parse_args()
+    if given.seed >= FINAL and not given.final:
+        options.error(f"seeds from {FINAL} on decide: --final")
+    print(HEAD, flush=True)  # noqa: T201
+    for event in EVENTS:
+        found = [followed(event, given.seed, number) for number in range(given.scenes)]
+        for number, one in enumerate(found if given.verbose else ()):
+            if wrong := [s.after for s in one if s.wrong]:
+                print(f"{event} {number}: {wrong}")  # noqa: T201
+        print(line(event, found), flush=True)  # noqa: T201
+
+
+if __name__ == "__main__":
+    main()
