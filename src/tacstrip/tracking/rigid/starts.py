@@ -64,6 +64,11 @@ class Starts:
         return with_some_strips(self.few)
 
     @cached_property
+    def circle(self) -> Path:
+        """What rough outlines are made of."""
+        return circle(self.few, self.splines[0])
+
+    @cached_property
     def splines(self) -> list[FloatArray]:
         """Of few and of more knots, over these."""
         return [spline_over(self.scans, self.chosen, knots) for knots in (_KNOTS, _MORE_KNOTS)]
@@ -80,7 +85,7 @@ class Starts:
         """Return the turns that the best outlines come from."""
         for turn in turns:
             if turn not in self.rough:
-                path = circle(self.few, self.splines[0], math.radians(turn))
+                path = self.circle.turning(math.radians(turn))
                 path = fit_path(self.thinned, path, 8, tolerance=_COARSE, cauchy=3.0, rough=ROUGH, end=_SOFT)
                 path = fit_path(self.thinned, path, 6, tolerance=FINER, cauchy=3.0, rough=ROUGH, end=_SOFT)
                 self.rough[turn] = path
@@ -132,9 +137,9 @@ def needs_smooth_motion(scans: RigidScans) -> bool:
     return len(scans.read) == 1
 
 
-def chosen_scans(scans: RigidScans) -> IntArray:
-    """Return the scans that a search uses."""
-    many = _SPARSE if scans.k.shape[2] > MANY_STRIPS else DENSE
+def chosen_scans(scans: RigidScans, dense: int = DENSE) -> IntArray:
+    """Return the scans that a search uses: so many, and fewer of finer sensors."""
+    many = _SPARSE if scans.k.shape[2] > MANY_STRIPS else dense
     return np.unique(np.linspace(0, len(scans.k) - 1, min(len(scans.k), many)).astype(int))
 
 
