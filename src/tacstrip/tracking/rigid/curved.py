@@ -16,6 +16,7 @@ from tacstrip.tracking.rigid.corners import FEWEST, PLACES, Fit, edges_removed, 
 from tacstrip.tracking.rigid.covariance import information, of_numbers
 from tacstrip.tracking.rigid.found import within_noise
 from tacstrip.tracking.rigid.offsets import Offsets, not_ruled_out, with_offsets
+from tacstrip.tracking.rigid.search import FEW_STRIPS
 from tacstrip.tracking.rigid.smooth_path import centres
 from tacstrip.tracking.rigid.turns import cost_at_all_angles
 
@@ -146,7 +147,8 @@ def rigid_curve(scans: RigidScans, start: Fit, chosen: IntArray, distribution: s
 def _rounded(scans: RigidScans, start: Fit, chosen: IntArray) -> list[RigidCurve]:
     """Return polygons of round corners, of ever fewer ones: a corner may stand for a part of an arc."""
     found, corners = list[RigidCurve](), start.corners
-    if reflex(corners).any():
+    few = len(scans.read) == 1 and scans.strips_touched < FEW_STRIPS  # a scan tells hardly more than a pose
+    if few or reflex(corners).any():
         return found
     if area(corners) < 0.0:
         corners = corners[::-1]
