@@ -118,7 +118,9 @@ def rigid_paths() -> Iterable[ArrayLike]:
     scans, corners, poses = rigid_scene("crs-crs", 2.0)
     for knots in (5, len(poses)):
         basis = spline_basis(np.linspace(0.0, 1.0, len(poses)), knots)
-        path = fit_path(scans, circle(scans, basis, 1.0), 8, tolerance=0.07, cauchy=3.0, rough=0.07, end=0.25)
+        path = fit_path(
+            scans, circle(scans, basis).turning(1.0), 8, tolerance=0.07, cauchy=3.0, rough=0.07, end=0.25
+        )
         yield from (path.radii, path.knots, path.cost)
         at_knots = np.asarray(np.linalg.lstsq(basis, poses, rcond=None)[0].round(9), dtype=np.float64)
         yield from fit_corners(scans, corners, at_knots, basis, loss(scans), 8)

@@ -136,7 +136,7 @@ def test_descents_of_a_path_end_where_those_of_numpy_do(
     """Radii with a prior on a spline, and with as many knots as scans; corners without a prior on the spline."""
     scans, corners, poses = rigid_scene(construction, lam)
     basis = spline_basis(np.linspace(0.0, 1.0, len(poses)), knots)
-    path = replace(circle(scans, basis, 1.0), basis=basis)
+    path = replace(circle(scans, basis).turning(1.0), basis=basis)
 
     def both() -> list[np.ndarray]:
         found = fit_path(scans, path, 6, tolerance=0.07, cauchy=3.0, rough=0.07, end=0.25)

@@ -59,12 +59,21 @@ static double move_end(const Loss *loss, Int object, Int first, const Posed *p, 
                        const Blocks *n) {
   Int i = p->end[right];
   double residual = x - p->x[i], weight = 1.0 / (loss->end * loss->end);
-  double cost = loss_of(loss, residual / loss->end, &weight);
+  Cost cost = FREE;
+  add_loss(loss, residual / loss->end, &weight, &cost);
   Row row = {3 * object, {first + 2 * i, first + 2 * i + 1, first + 2 * i, first + 2 * i},
              {1.0, 0.0, pose[1] - p->y[i]}, {p->cos, -p->sin, 0.0, 0.0}};
   add_product(n, weight, &row, &row);
   add_gradient(n, weight * residual, &row);
-  return cost;
+  return total_of(loss, &cost);
+}
+
+/* What the readings of one strip cost. */
+static double strip_cost(const Scans *s, const Loss *loss, const double *k, const Crossing *low, const Crossing *high,
+                         double *terms) {
+  Cost cost = FREE;
+  strip(s, loss, k, s->strips, low, high, terms, &cost);
+  return total_of(loss, &cost);
 }
 
 /* One object on one strip. */
@@ -124,13 +133,15 @@ static double scan_equations(const Scans *s, const Loss *loss, const double *kno
     if (hull_of(lying, there, -1, &low_of, &high_of)) {
       low = low_of;
       high = high_of;
-      best = strip(s, loss, k, s->strips, &lying[low].low, &lying[high].high, best_terms);
+      best = strip_cost(s, loss, k, &lying[low].low, &lying[high].high, best_terms);
       for (Int j = 0; j < there; j++) {
         double weight = 1.0;
         if (!(lying[j].far < reach)) continue;
         if (!hull_of(lying, there, j, &low_of, &high_of) || (low_of == low && high_of == high)) continue;
-        double far = loss_of(loss, lying[j].far / loss->end, &weight);
-        double other = strip(s, loss, k, s->strips, &lying[low_of].low, &lying[high_of].high, terms) + far;
+        Cost end = FREE;
+        add_loss(loss, lying[j].far / loss->end, &weight, &end);
+        double far = total_of(loss, &end);
+        double other = strip_cost(s, loss, k, &lying[low_of].low, &lying[high_of].high, terms) + far;
         if (other < best) {
           best = other;
           hinge = far;
@@ -147,7 +158,7 @@ static double scan_equations(const Scans *s, const Loss *loss, const double *kno
       Crossing here = {corner, corner, p[near].y[corner], 0.0, 0.0};
       lying[near].low = lying[near].high = here;
       low = high = moved = near;
-      best = strip(s, loss, k, s->strips, &here, &here, best_terms);
+      best = strip_cost(s, loss, k, &here, &here, best_terms);
     }
     cost += best;
     if (moved >= 0)

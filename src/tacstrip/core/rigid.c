@@ -24,24 +24,23 @@ static void add_gradient(const Normal *n, double weight, const Crossing *c, cons
 }
 
 /* An end corner lies between a strip that is touched and the next one, which is not: nothing more is known of it. */
-static double gap(const Scans *s, const Loss *loss, const Posed *p, const double *pose, int right, Int touched,
-                  const Normal *n, Int size) {
+static void gap(const Scans *s, const Loss *loss, const Posed *p, const double *pose, int right, Int touched,
+                const Normal *n, Int size, Cost *cost) {
   Int i = p->end[right];
   double inner = s->x[touched], outer = right ? inner + s->pitch : inner - s->pitch, x = p->x[i], weight;
   int border = right ? touched == s->strips - 1 : touched == 0;
   double least = right ? inner : outer, most = right ? outer : inner;
-  if (x >= least && x <= most) return 0.0;
+  if (x >= least && x <= most) return;
   if (right ? x > most : x < least) {
-    if (border || p->y[i] < 0.0 || p->y[i] > s->length) return 0.0; /* what lies over the border is not read */
+    if (border || p->y[i] < 0.0 || p->y[i] > s->length) return; /* what lies over the border is not read */
   }
   double residual = (x < least ? least : most) - x;
   weight = 1.0 / (loss->end * loss->end);
-  double cost = loss_of(loss, residual / loss->end, &weight);
+  add_loss(loss, residual / loss->end, &weight, cost);
   double by_pose[3] = {1.0, 0.0, pose[1] - p->y[i]}, by_corner[4] = {p->cos, -p->sin, 0.0, 0.0};
   Crossing corner = {i, i, p->y[i], 0.0, 0.0};
   add_product(n, size, weight, &corner, by_pose, by_corner);
   add_gradient(n, weight * residual, &corner, by_pose, by_corner);
-  return cost;
 }
 
 /* Add what a strip reads, of which `terms` are what `strip` returns: J'WJ of both crossings, and J'Wr. */
@@ -82,7 +81,8 @@ static double scan_equations(const Scans *s, const Loss *loss, Int scan, const d
                              const double *pose, const Normal *n) {
   Posed p;
   Int size = 2 * count, first = -1, last = -1;
-  double cost = 0.0, terms[5], low_pose[3], low_corner[4], high_pose[3], high_corner[4];
+  double terms[5], low_pose[3], low_corner[4], high_pose[3], high_corner[4];
+  Cost cost = FREE;
   place(corners, count, pose, &p);
   for (Int i = 0; i < s->strips; i++) {
     const double *k = s->k + scan * s->signatures * s->strips + i;
@@ -93,16 +93,16 @@ static double scan_equations(const Scans *s, const Loss *loss, Int scan, const d
     last = i;
     Crossing low, high;
     cross(&p, count, s->x[i], &low, &high);
-    cost += strip(s, loss, k, s->strips, &low, &high, terms);
+    strip(s, loss, k, s->strips, &low, &high, terms, &cost);
     slopes(&p, pose, &low, low_pose, low_corner);
     slopes(&p, pose, &high, high_pose, high_corner);
     add_strip(n, size, terms, &low, low_pose, low_corner, &high, high_pose, high_corner);
   }
   if (first >= 0) {
-    cost += gap(s, loss, &p, pose, 0, first, n, size);
-    cost += gap(s, loss, &p, pose, 1, last, n, size);
+    gap(s, loss, &p, pose, 0, first, n, size, &cost);
+    gap(s, loss, &p, pose, 1, last, n, size, &cost);
   }
-  return cost;
+  return total_of(loss, &cost);
 }
 
 static void clear(double *values, Int count) {

@@ -11,6 +11,7 @@
 #define LEAST 1e-9      /* damping at least, and what is added to the diagonal */
 #define HOPELESS 1e8    /* damping that ends a descent */
 #define TOUCHES 1e-12   /* an edge no longer than this in x is vertical */
+#define LARGE 1e150     /* a product of which the logarithm is taken */
 
 typedef struct {
   double x[RIGID_CORNERS], y[RIGID_CORNERS], cos, sin;
@@ -48,11 +49,13 @@ static inline void place(const double *corners, Int count, const double *pose, P
 
 /* Beside the outline its end corner is read. */
 static inline void cross(const Posed *p, Int count, double x, Crossing *low, Crossing *high) {
-  int found = 0;
+  int found = 0, first = p->x[0] <= x, left = first;
   for (Int i = 0; i < count; i++) {
     Int j = i + 1 < count ? i + 1 : 0;
+    int before = left;
+    left = j ? p->x[j] <= x : first;
+    if (before == left) continue;
     double from = p->x[i], to = p->x[j];
-    if (!((from <= x && x < to) || (to <= x && x < from))) continue;
     double share = (x - from) / (to - from), run = to - from;
     if (magnitude(run) < TOUCHES) run = run < 0.0 ? -TOUCHES : TOUCHES;
     Crossing here = {i, j, p->y[i] + share * (p->y[j] - p->y[i]), share, (p->y[j] - p->y[i]) / run};
@@ -80,19 +83,36 @@ static inline void slopes(const Posed *p, const double *pose, const Crossing *c,
   by_corner[3] = c->share * ey;
 }
 
-/* What a residual over sigma costs; *weight is multiplied by what Cauchy's loss leaves of its weight. */
-static inline double loss_of(const Loss *loss, double residual, double *weight) {
-  double square = residual * residual;
-  if (!(loss->cauchy > 0.0)) return square;
-  double scale = loss->cauchy * loss->cauchy, more = 1.0 + square / scale;
-  *weight /= more;
-  return scale * natural_log(more);
+/* What residuals cost: a sum, and of Cauchy's loss a product, so that one logarithm serves many. */
+typedef struct {
+  double sum, product;
+} Cost;
+
+static const Cost FREE = {0.0, 1.0};
+
+static inline double total_of(const Loss *loss, const Cost *cost) {
+  return cost->product > 1.0 ? cost->sum + loss->cauchy * loss->cauchy * natural_log(cost->product) : cost->sum;
 }
 
-/* The readings of one strip. Returns their cost. */
-static inline double strip(const Scans *s, const Loss *loss, const double *k, Int stride, const Crossing *low,
-                    const Crossing *high, double *terms) {
-  double l = clip(low->y / s->length, 0.0, 1.0), u = clip(high->y / s->length, 0.0, 1.0), w = u - l, cost = 0.0;
+/* Add what a residual over sigma costs; *weight is multiplied by what Cauchy's loss leaves of its weight. */
+static inline void add_loss(const Loss *loss, double residual, double *weight, Cost *cost) {
+  double square = residual * residual;
+  if (!(loss->cauchy > 0.0)) {
+    cost->sum += square;
+    return;
+  }
+  double more = 1.0 + square / (loss->cauchy * loss->cauchy);
+  *weight /= more;
+  cost->product *= more;
+  if (cost->product < LARGE) return;
+  cost->sum = total_of(loss, cost);
+  cost->product = 1.0;
+}
+
+/* Add what the readings of one strip cost. */
+static inline void strip(const Scans *s, const Loss *loss, const double *k, Int stride, const Crossing *low,
+                         const Crossing *high, double *terms, Cost *cost) {
+  double l = clip(low->y / s->length, 0.0, 1.0), u = clip(high->y / s->length, 0.0, 1.0), w = u - l;
   double held_l = low->y > 0.0 && low->y < s->length, held_u = high->y > 0.0 && high->y < s->length;
   double h = s->lam > 0.0 ? hyperbolic_tangent(w / (2.0 * s->lam)) : 0.0, t = s->lam * h;
   double mix = s->lam > 0.0 ? 0.5 * (1.0 - h * h) : 0.0, keep = 1.0 - mix;
@@ -108,7 +128,7 @@ static inline double strip(const Scans *s, const Loss *loss, const double *k, In
     double by_l = (by_low * keep + by_high * mix) / s->length, by_u = (by_high * keep + by_low * mix) / s->length;
     double soft = loss->tolerance * loss->tolerance * (by_l * by_l * rough_l + by_u * by_u * rough_u);
     double weight = 1.0 / (s->sigma * s->sigma + soft), residual = read - model;
-    cost += loss_of(loss, residual * sqrt(weight), &weight);
+    add_loss(loss, residual * sqrt(weight), &weight, cost);
     by_l *= held_l;
     by_u *= held_u;
     terms[0] += weight * by_l * by_l;
@@ -117,7 +137,6 @@ static inline double strip(const Scans *s, const Loss *loss, const double *k, In
     terms[3] += weight * by_l * residual;
     terms[4] += weight * by_u * residual;
   }
-  return cost;
 }
 
 #endif

@@ -48,7 +48,7 @@ class Object:
     """The scans that show one object by itself, its readings there, and what was found; and with others.
 
     `alike`: one of those that share strips with it has its shape. `curve`: it is one, and no polygon.
-    `begun`: what a search that was not thorough found.
+    `begun`: what searches that were not thorough found: of all readings, then without those that stray.
     """
 
     shown: list[int]
@@ -59,7 +59,7 @@ class Object:
     shared: tuple[Shared, ...] = ()
     alike: bool = False
     curve: RigidCurve | None = None
-    begun: Found | None = field(default=None, repr=False)
+    begun: tuple[Found, ...] = field(default=(), repr=False)
 
     def explained(self, distribution: str) -> bool:
         """Whether a rigid outline explains its scans."""

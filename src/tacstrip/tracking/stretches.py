@@ -36,35 +36,42 @@ def searched(
     *,
     offsets: bool = True,
     thorough: bool = True,
-    begun: Found | None = None,
+    begun: Object | None = None,
 ) -> Object | None:
     """Return the object of an episode; None where its scans are too few for a shape over time.
 
-    `begun`: what a search that was not thorough ended with, `Object.begun`.
+    Where readings stray from one scan to the next, only what is left without them is searched thoroughly. `begun`: what
+    a search that was not thorough ended with.
     """
     if len(episode.scans) < FEWEST:
         return None
     level = read.sigma or max(GUESS, read.skin.sensor.adc_step)
-    if begun is not None and begun.starts is not None:
-        level = begun.starts.scans.sigma
     every = RigidScans(read.skin.laid_out, read.names, episode.readings(read.k, read.skin.span), level)
-    best = one = _searched(episode, every, read, offsets=offsets, thorough=thorough, begun=begun)
-    if read.sigma and best.within_noise(read.distribution):
-        return best
-    if read.sigma and (louder := _louder(episode, best, read, offsets=offsets, thorough=thorough)):
-        return louder
     kept = episode.readings(read.without_strays, read.skin.span)
-    for _ in range(_CLEANED):
+    stray = bool(np.isfinite(kept).sum() < every.readings.sum())
+    known, deep = begun.begun if begun else (), thorough and not stray
+    one = begun if begun and stray else None
+    if one is None:
+        one = _searched(episode, every, read, offsets, thorough=deep, beyond=not stray, begun=known[:1])
+    settled = bool(read.sigma) and one.within_noise(read.distribution)
+    settled &= (
+        one is not begun or one.scans.sigma == read.sigma
+    )  # else of a noise that is found, and not thoroughly
+    if read.sigma and not settled and (louder := _louder(episode, one, read, offsets, thorough=thorough)):
+        return louder
+    best, quick, known = one, one.begun, known[1:2] if stray else ()
+    for _ in range(0 if settled else _CLEANED):
         kept = set_aside(kept, strays_from_fit(one.scans, one.found.fit))
         if np.isfinite(kept).sum() == one.scans.readings.sum():
             break
-        one = _searched(episode, replace(every, k=kept), read, offsets=offsets, thorough=thorough)
+        one = _searched(episode, replace(every, k=kept), read, offsets, thorough=thorough, begun=known)
         if one.explained(read.distribution) and (read.sigma or one.scans.sigma < best.scans.sigma / _ALIKE):
             return one
-    return best
+        quick, known = quick + one.begun, ()
+    return replace(best, begun=() if thorough else quick)
 
 
-def _louder(episode: Episode, one: Object, read: Readings, *, offsets: bool, thorough: bool) -> Object | None:
+def _louder(episode: Episode, one: Object, read: Readings, offsets: bool, *, thorough: bool) -> Object | None:
     """Return the object of readings whose noise is larger than given, as they show by themselves; else None.
 
     What a rigid outline leaves of them is no more than that, and does not follow from scan to scan as what a body
@@ -73,10 +80,13 @@ def _louder(episode: Episode, one: Object, read: Readings, *, offsets: bool, tho
     every = replace(one.scans, k=episode.readings(read.k, read.skin.span))
     shown, unsure = noise_between_scans(every.k)
     larger = math.sqrt(1.0 + SURE * unsure)
-    if shown < larger * every.sigma or not shown / _ROUGHLY < one.left_over < _ROUGHLY * shown:
+    if (
+        shown < larger * (read.sigma or one.scans.sigma)
+        or not shown / _ROUGHLY < one.left_over < _ROUGHLY * shown
+    ):
         return None
     unknown = replace(read, sigma=None)
-    one = _searched(episode, every.with_sigma(shown), unknown, offsets=offsets, thorough=thorough)
+    one = _searched(episode, every.with_sigma(shown), unknown, offsets, thorough=thorough)
     fit = one.judged_fit
     white = following(one.scans, fit.corners, fit.poses) == 1.0
     explained = one.left_over < larger * shown and one.within_noise(read.distribution)
@@ -87,21 +97,32 @@ def _searched(
     episode: Episode,
     every: RigidScans,
     read: Readings,
-    *,
     offsets: bool,
+    *,
     thorough: bool,
-    begun: Found | None = None,
+    beyond: bool = True,
+    begun: tuple[Found, ...] = (),
 ) -> Object:
-    """Do as `searched` with the episode's readings."""
-    level, step = every.sigma, read.skin.sensor.adc_step
+    """Do as `searched` with the episode's readings; turns `beyond` half a turn are tried, too."""
+    before, step = begun[0] if begun else None, read.skin.sensor.adc_step
+    if before and before.starts:
+        every = every.with_sigma(before.starts.scans.sigma)
+    level = every.sigma
     few = np.unique(np.linspace(0, len(every.k) - 1, min(len(every.k), MOST)).astype(int))
     least = max(step / math.sqrt(12.0), FLOOR)
     for _ in range(_ROUNDS):
-        ended = search(every.of(few), read.distribution, offsets=offsets, thorough=thorough, begun=begun)
+        ended = search(
+            every.of(few),
+            read.distribution,
+            offsets=offsets,
+            thorough=thorough,
+            begun=before,
+            round_and_round=beyond,
+        )
         left = level * math.sqrt(ended.fit.cost / ended.fit.freedom(every.of(few)))
         if read.sigma or level / _ALIKE < left < level * _ALIKE:
             break
-        level, begun = float(np.clip(left, least, _CEILING)), None
+        level, before = float(np.clip(left, least, _CEILING)), None
         every = every.with_sigma(level)
     rest = taken_off(every.of(few), ended.offsets)
     if ended.fit.basis is None and content(rest, ended.fit, read.distribution):
@@ -109,7 +130,8 @@ def _searched(
     raw, every = every, taken_off(every, ended.offsets)
     fit = with_all_poses(every, few, ended.fit)
     found = replace(ended, fit=fit, chosen=few[ended.chosen], starts=None)
-    one = Object(episode.scans, episode.joint, episode.runs, every, found, begun=None if thorough else ended)
+    quick = () if thorough else (ended,)
+    one = Object(episode.scans, episode.joint, episode.runs, every, found, begun=quick)
     # live shapes are polygons; offsets may be made of what a polygon leaves of a curve
     for scans in (raw, every) if offsets and fit.basis is None else ():
         curve = rigid_curve(scans, fit, few, read.distribution)

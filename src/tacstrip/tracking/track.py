@@ -150,8 +150,8 @@ def _tracked(
     while unlike:
         one = unlike.pop(0)
         seen = tried[id(one)]
-        if seen is not None and seen.begun is not None:
-            seen = searched(one, readings, begun=seen.begun)
+        if seen is not None and seen.begun:
+            seen = searched(one, readings, begun=seen)
         if seen is None:
             tracks.append(of_one_scan(one, read, sensor, noise))
         else:

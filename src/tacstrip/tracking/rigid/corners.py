@@ -158,7 +158,7 @@ def unstuck(scans: RigidScans, fit: Fit) -> Fit:
     A scan's pose may rest where a corner is on the wrong side of a strip; one such scan keeps the outline wrong.
     """
     for _ in range(_ROUNDS if fit.basis is None else 0):
-        poses, costs = _best(*poses_around(scans, fit), 1)
+        poses, costs = best_of(*poses_around(scans, fit), 1)
         if not costs.sum() < fit.cost - 0.5:
             break
         new = settled(scans, fitted(scans, fit.corners, poses[:, 0], 15), 2)
@@ -394,16 +394,22 @@ def poses_all_round(
     scans: RigidScans, corners: FloatArray, tolerance_mm: float, angles: int = _ANGLES, kept: int = _KEPT
 ) -> tuple[FloatArray, FloatArray]:
     """Return poses (T, kept, 3) of a known outline, the best first, where nothing is known of them, and their costs."""
+    starts = starts_all_round(scans, corners, angles)
+    poses, costs = fit_poses(scans, corners, starts, loss(scans, 2.0 * tolerance_mm, 3.0, 0.15), 5)
+    poses = best_of(poses, costs, kept)[0]
+    for tolerance, cauchy, steps in ((tolerance_mm, 5.0, 8), (0.0, 0.0, 12)):
+        poses, costs = fit_poses(scans, corners, poses, loss(scans, tolerance, cauchy), steps)
+    return best_of(poses, costs, kept)
+
+
+def starts_all_round(scans: RigidScans, corners: FloatArray, angles: int) -> FloatArray:
+    """Return poses (T, angles, 3) of an outline over the contact's middle, turned by even steps."""
     middle, _ = centres(scans)
     own = _centroid(corners)
     angle = np.asarray(np.arange(angles) * (2.0 * np.pi / angles), dtype=np.float64)
     starts = np.empty((len(middle), angles, 3))
     starts[..., :2], starts[..., 2] = middle[:, None] - _turned(own, angle), angle
-    poses, costs = fit_poses(scans, corners, starts, loss(scans, 2.0 * tolerance_mm, 3.0, 0.15), 5)
-    poses = _best(poses, costs, kept)[0]
-    for tolerance, cauchy, steps in ((tolerance_mm, 5.0, 8), (0.0, 0.0, 12)):
-        poses, costs = fit_poses(scans, corners, poses, loss(scans, tolerance, cauchy), steps)
-    return _best(poses, costs, kept)
+    return starts
 
 
 def bad_scans(scans: RigidScans, fit: Fit) -> IntArray:
@@ -446,7 +452,8 @@ def without(scans: RigidScans, fit: Fit, corner: int, steps: int) -> Fit:
     )
 
 
-def _best(poses: FloatArray, costs: FloatArray, kept: int) -> tuple[FloatArray, FloatArray]:
+def best_of(poses: FloatArray, costs: FloatArray, kept: int) -> tuple[FloatArray, FloatArray]:
+    """Return the best of poses (T, K, 3) of each scan and their costs (T, K), the best first."""
     order = np.argsort(costs, axis=1, kind="stable")[:, :kept]
     rows = np.arange(len(poses))[:, None]
     return poses[rows, order], costs[rows, order]

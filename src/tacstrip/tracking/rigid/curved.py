@@ -12,10 +12,11 @@ from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.core.binding import Loss
 from tacstrip.core.rigid import RigidScans, equations, fit_poses, loss, reduced
 from tacstrip.geometry.moments import area, moments, principal_angle
-from tacstrip.tracking.rigid.corners import FEWEST, PLACES, Fit, edges_removed, reflex
+from tacstrip.tracking.rigid.corners import FEWEST, PLACES, Fit, edges_removed, posed, reflex
 from tacstrip.tracking.rigid.covariance import information, of_numbers
 from tacstrip.tracking.rigid.found import within_noise
 from tacstrip.tracking.rigid.offsets import Offsets, not_ruled_out, with_offsets
+from tacstrip.tracking.rigid.search import FEW_STRIPS
 from tacstrip.tracking.rigid.smooth_path import centres
 from tacstrip.tracking.rigid.turns import cost_at_all_angles
 
@@ -127,11 +128,10 @@ def rigid_curve(scans: RigidScans, start: Fit, chosen: IntArray, distribution: s
         Of the readings' errors.
     """
     explained, few = within_noise(start.costs, start.freedom(scans), distribution), scans.of(chosen)
-    tries = [_rounded(scans, start, chosen)]
+    tries = _rounded(scans, start, chosen)
     if len(start.corners) >= _MOST_ROUNDED or not explained:
         tries += _ovals(scans, start, chosen)
-    told = [one for one in tries if one is not None]
-    good = [o for o in told if o.explains(scans, distribution) or (explained and o.kind == DISC)]
+    good = [o for o in tries if o.explains(scans, distribution) or (explained and o.kind == DISC)]
     if explained and good:
         polygon = start.of(chosen)
         numbers = polygon.criterion(few) - polygon.cost
@@ -144,11 +144,12 @@ def rigid_curve(scans: RigidScans, start: Fit, chosen: IntArray, distribution: s
     return best if least < most else None
 
 
-def _rounded(scans: RigidScans, start: Fit, chosen: IntArray) -> RigidCurve | None:
-    """Return the best polygon of round corners; of ever fewer ones, as a corner may stand for a part of an arc."""
-    best, corners = None, start.corners
-    if reflex(corners).any():
-        return None
+def _rounded(scans: RigidScans, start: Fit, chosen: IntArray) -> list[RigidCurve]:
+    """Return polygons of round corners, of ever fewer ones: a corner may stand for a part of an arc."""
+    found, corners = list[RigidCurve](), start.corners
+    few = len(scans.read) == 1 and scans.strips_touched < FEW_STRIPS  # a scan tells hardly more than a pose
+    if few or reflex(corners).any():
+        return found
     if area(corners) < 0.0:
         corners = corners[::-1]
     while True:
@@ -160,19 +161,15 @@ def _rounded(scans: RigidScans, start: Fit, chosen: IntArray) -> RigidCurve | No
                 centres_of_arcs = ring if area(ring) > 0.0 else ring[::-1]
                 numbers = np.concatenate([[radius], centres_of_arcs.ravel()])
                 one = _descended(scans, RigidCurve(ROUNDED, numbers, start.poses, start.costs), chosen)
-                if (
-                    one
-                    and one.numbers[0] > 0.0
-                    and (best is None or one.criterion(scans) < best.criterion(scans))
-                ):
-                    best = one
-                elif best is not None:
-                    return best
+                if one and one.numbers[0] > 0.0:
+                    found.append(one)
+                if found and (one is None or one.costs.sum() > _ROUGHLY * scans.readings.sum()):
+                    return found
         if len(corners) == FEWEST:
-            return best
+            return found
         fewer = edges_removed(corners)
         if not fewer:
-            return best
+            return found
         corners = fewer[0]
 
 
@@ -205,8 +202,8 @@ def _descended(scans: RigidScans, one: RigidCurve, chosen: IntArray) -> RigidCur
         poses = _looked_for(scans, _drawn(one.kind, one.numbers)[0], poses, soft)
     numbers = _descent(few, replace(one, poses=poses[chosen]), loss(scans)).numbers
     corners = _drawn(one.kind, numbers)[0]
-    settled, costs = fit_poses(scans, corners, poses[:, None], loss(scans), _STEPS)
-    return replace(one, numbers=numbers, poses=settled[:, 0], costs=costs[:, 0])
+    settled = posed(scans, Fit(corners, poses, one.costs))
+    return replace(one, numbers=numbers, poses=settled.poses, costs=settled.costs)
 
 
 def _descent(scans: RigidScans, now: RigidCurve, how: Loss) -> RigidCurve:

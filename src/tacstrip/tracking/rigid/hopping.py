@@ -13,8 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from tacstrip.arrays import FloatArray
-from tacstrip.core.rigid import RigidScans
-from tacstrip.tracking.rigid.corners import Fit, fitted, poses_all_round, pruned, settled
+from tacstrip.core.rigid import RigidScans, fit_poses, loss
+from tacstrip.tracking.rigid.corners import Fit, best_of, fitted, pruned, settled, starts_all_round
 from tacstrip.tracking.rigid.smooth_path import LEAST, RADII, Path, centres, fit_path, radii_of
 
 _STARTS, _HOPS = 5, 24  # outlines that are bent circles, and tries from the best so far
@@ -23,9 +23,11 @@ _BENT, _BENT_AGAIN = 0.18, 0.12  # of the radius, by two waves round the outline
 _WAVES = (1.0, 0.7, 0.4)
 _TOLERANCES = (0.1, 0.07, 0.05, 0.035, 0.025, 0.016)  # of edges, over the radius
 _AGAIN = (0.05, 0.03, 0.016)
-_TURNS, _TURNED = 24, 3  # poses all round, and how many are refined
+_TURNS, _RESTS = 24, 4  # angles at which a pose is looked for, and places where it may rest that are kept
+_COARSE, _STEPS, _LOOKED = 2, 5, 10  # steps from all angles, all steps, and how many go on after the first
 _PRUNED = 2  # polygons of a rough outline that poses are found of again
-_SHARP, _ROUNDS = 0.02, 6  # tolerance of a polygon's poses all round, and how often they are looked for
+_SHARP, _ROUNDS = 0.02, 8  # tolerance of a polygon's poses all round, and how often they are looked for
+_HOPE = 2.0  # times the last gain: how far above the least cost that goes on
 _ROUGH, _END = 0.07, 0.1  # see `fit_path`
 _ANGLES = 2.0 * np.pi * np.arange(RADII) / RADII
 
@@ -43,41 +45,69 @@ def hopped(scans: RigidScans, explains: Callable[[Fit], bool]) -> Fit:
     random, free = np.random.default_rng(0), np.eye(len(scans.k))
     round_ = np.full(RADII, float(np.sqrt(np.median(centres(scans)[1]) / np.pi)))
 
-    def tried(radii: FloatArray, tolerances: tuple[float, ...]) -> Fit:
+    def tried(radii: FloatArray, tolerances: tuple[float, ...], least: float) -> Fit:
         path = Path(radii, np.empty((len(free), 3)), free, np.inf)
         for tolerance in tolerances:
-            near = poses_all_round(
-                scans, path.corners, tolerance * float(path.radii.mean()), _TURNS, _TURNED
-            )[0]
-            path = replace(path, knots=near[:, 0])
+            rests = _rests(scans, path.corners, tolerance * float(path.radii.mean()))
+            path = replace(path, knots=rests[:, 0])
             path = fit_path(scans, path, 10, tolerance=tolerance, cauchy=3.0, rough=_ROUGH, end=_END)
         polygons = sorted(pruned(scans, path.corners, path.poses), key=lambda f: f.criterion(scans))
-        again = [_posed_again(scans, f, _SHARP * float(path.radii.mean())) for f in polygons[:_PRUNED]]
+        again = []
+        for polygon in polygons[:_PRUNED]:
+            again.append(_posed_again(scans, polygon, _SHARP * float(path.radii.mean()), least))
+            least = min(least, again[-1].criterion(scans))
         return min(again, key=lambda f: f.criterion(scans))
 
-    best = min(
-        (tried(_bent(round_, _BENT, random), _TOLERANCES) for _ in range(_STARTS)),
-        key=lambda f: f.criterion(scans),
-    )
-    idle = 0
-    for _ in range(_HOPS):
-        if idle >= _IDLE and explains(best):
+    best, least, idle = None, np.inf, 0
+    for start in range(_STARTS + _HOPS):
+        if best is None or start < _STARTS:
+            new = tried(_bent(round_, _BENT, random), _TOLERANCES, least)
+        elif idle >= _IDLE and explains(best):
             break
-        new = tried(_bent(radii_of(best.corners), _BENT_AGAIN, random), _AGAIN)
-        better = new.criterion(scans) < best.criterion(scans) - 0.5
-        best, idle = (new, 0) if better else (best, idle + 1)
+        else:
+            new = tried(_bent(radii_of(best.corners), _BENT_AGAIN, random), _AGAIN, least)
+        better = new.criterion(scans) < least - 0.5
+        idle = 0 if better or start < _STARTS else idle + 1
+        if better:
+            best, least = new, new.criterion(scans)
+    assert best is not None
     return best
 
 
-def _posed_again(scans: RigidScans, fit: Fit, tolerance_mm: float) -> Fit:
-    """Return the fit with all poses searched for all round, as long as that makes it better."""
+def _posed_again(scans: RigidScans, fit: Fit, tolerance_mm: float, least: float) -> Fit:
+    """Return the fit with poses searched for again, as long as that makes it better and may get below the least cost.
+
+    All round, then from where each may rest, as long as these are better, then all round once more.
+    """
+    rests = None
     for _ in range(_ROUNDS):
-        near = poses_all_round(scans, fit.corners, tolerance_mm, _TURNS, _TURNED)[0]
-        new = settled(scans, fitted(scans, fit.corners, near[:, 0], 15), 2)
-        if new.cost > fit.cost - 0.5:
+        known = rests is not None
+        rests = _rests(scans, fit.corners, tolerance_mm, rests)
+        rests = best_of(*fit_poses(scans, fit.corners, rests, loss(scans), 12), _RESTS)[0]
+        new = settled(scans, fitted(scans, fit.corners, rests[:, 0], 15), 2)
+        gain = fit.cost - new.cost
+        if gain > 0.5:
+            fit = new
+        elif not known:
             break
-        fit = new
+        else:
+            rests = None
+        if fit.criterion(scans) - least > _HOPE * max(gain, 1.0):
+            break
     return fit
+
+
+def _rests(
+    scans: RigidScans, corners: FloatArray, tolerance_mm: float, known: FloatArray | None = None
+) -> FloatArray:
+    """Return where poses of an outline may rest (T, K, 3), the best first: about known ones, or all round."""
+    poses = known
+    if poses is None:
+        poses = starts_all_round(scans, corners, _TURNS)
+        soft = loss(scans, 2.0 * tolerance_mm, 3.0, 0.15)
+        for steps, kept in ((_COARSE, _LOOKED), (_STEPS - _COARSE, _RESTS)):
+            poses = best_of(*fit_poses(scans, corners, poses, soft, steps), kept)[0]
+    return best_of(*fit_poses(scans, corners, poses, loss(scans, tolerance_mm, 5.0), 8), _RESTS)[0]
 
 
 def _bent(radii: FloatArray, by: float, random: np.random.Generator) -> FloatArray:

@@ -58,6 +58,12 @@ class Path:
         """Poses (T, 3)."""
         return self.basis @ self.knots
 
+    def turning(self, turn: float) -> Path:
+        """Return the same path with an angle that goes on evenly, by so much in all [rad]."""
+        knots = self.knots.copy()
+        knots[:, 2] = turn * (np.linspace(0.0, 1.0, len(knots)) - 0.5)
+        return replace(self, knots=knots)
+
     def refined(self, basis: FloatArray) -> Path:
         """Return the same path on more knots."""
         knots = np.linalg.lstsq(basis, self.basis, rcond=None)[0] @ self.knots
@@ -111,13 +117,12 @@ def centres(scans: RigidScans) -> tuple[FloatArray, FloatArray]:
     return found, weight * pitch
 
 
-def circle(scans: RigidScans, basis: FloatArray, turn: float, size: float = 1.0) -> Path:
-    """Return a circle on the way of the contact's centre, which turns by so much [rad]."""
+def circle(scans: RigidScans, basis: FloatArray) -> Path:
+    """Return a circle on the way of the contact's centre, which does not turn."""
     middle, area = centres(scans)
-    radius = size * float(np.sqrt(np.median(area) / np.pi))
-    knots = np.empty((basis.shape[1], 3))
+    radius = float(np.sqrt(np.median(area) / np.pi))
+    knots = np.zeros((basis.shape[1], 3))
     knots[:, :2] = np.linalg.lstsq(basis, middle, rcond=None)[0]
-    knots[:, 2] = turn * (np.linspace(0.0, 1.0, len(knots)) - 0.5)
     return Path(np.full(RADII, radius), knots, basis, np.inf)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -17,6 +17,7 @@ from tacstrip.tracking.rigid.smooth_path import Path, centres, circle, fit_path,
 TURNS = tuple(range(-160, 161, 20))  # degrees
 DENSE, MANY_STRIPS, _SPARSE = 48, 20, 16  # scans that a search uses; of finer sensors fewer do
 _KNOTS, _MORE_KNOTS = 4, 8
+_ENOUGH = 8  # strips of a scan that a rough outline is fitted to, at least, where more are touched
 KEPT = 3  # paths that are made polygons of
 # Strips: scans that touch fewer explain one another at many wrong turns, so that all are tried.
 FEW_A_SCAN = 6
@@ -58,6 +59,16 @@ class Starts:
         return self.scans.of(self.chosen)
 
     @cached_property
+    def thinned(self) -> RigidScans:
+        """These with some of their strips, of which rough outlines are made."""
+        return with_some_strips(self.few)
+
+    @cached_property
+    def circle(self) -> Path:
+        """What rough outlines are made of."""
+        return circle(self.few, self.splines[0])
+
+    @cached_property
     def splines(self) -> list[FloatArray]:
         """Of few and of more knots, over these."""
         return [spline_over(self.scans, self.chosen, knots) for knots in (_KNOTS, _MORE_KNOTS)]
@@ -74,16 +85,18 @@ class Starts:
         """Return the turns that the best outlines come from."""
         for turn in turns:
             if turn not in self.rough:
-                path = circle(self.few, self.splines[0], math.radians(turn))
-                path = fit_path(self.few, path, 8, tolerance=_COARSE, cauchy=3.0, rough=ROUGH, end=_SOFT)
-                path = fit_path(self.few, path, 6, tolerance=FINER, cauchy=3.0, rough=ROUGH, end=_SOFT)
+                path = self.circle.turning(math.radians(turn))
+                path = fit_path(self.thinned, path, 8, tolerance=_COARSE, cauchy=3.0, rough=ROUGH, end=_SOFT)
+                path = fit_path(self.thinned, path, 6, tolerance=FINER, cauchy=3.0, rough=ROUGH, end=_SOFT)
                 self.rough[turn] = path
         near = sorted(turns, key=lambda t: self.rough[t].cost)[: 2 * kept]
         for turn in near:
             if turn not in self.refined:
                 path = self.rough[turn].refined(self.splines[1])
-                path = fit_path(self.few, path, 10, tolerance=FINER, cauchy=3.0, rough=ROUGH, end=_SOFT)
-                path = fit_path(self.few, path, 6, tolerance=_FINEST, cauchy=3.0, rough=_SMOOTHER, end=_HARD)
+                path = fit_path(self.thinned, path, 10, tolerance=FINER, cauchy=3.0, rough=ROUGH, end=_SOFT)
+                path = fit_path(
+                    self.thinned, path, 6, tolerance=_FINEST, cauchy=3.0, rough=_SMOOTHER, end=_HARD
+                )
                 self.refined[turn] = path
         return sorted(near, key=lambda t: self.refined[t].cost)[:kept]
 
@@ -124,10 +137,21 @@ def needs_smooth_motion(scans: RigidScans) -> bool:
     return len(scans.read) == 1
 
 
-def chosen_scans(scans: RigidScans) -> IntArray:
-    """Return the scans that a search uses."""
-    many = _SPARSE if scans.k.shape[2] > MANY_STRIPS else DENSE
+def chosen_scans(scans: RigidScans, dense: int = DENSE) -> IntArray:
+    """Return the scans that a search uses: so many, and fewer of finer sensors."""
+    many = _SPARSE if scans.k.shape[2] > MANY_STRIPS else dense
     return np.unique(np.linspace(0, len(scans.k) - 1, min(len(scans.k), many)).astype(int))
+
+
+def with_some_strips(scans: RigidScans) -> RigidScans:
+    """Return scans with every so many of their touched strips only, the first and the last among them."""
+    apart = int(scans.strips_touched) // _ENOUGH
+    if apart < 2:
+        return scans
+    touched = np.asarray(np.isfinite(scans.k).any(axis=1))
+    number = np.cumsum(touched, axis=1)
+    kept = touched & ((number % apart == 1) | (number == number[:, -1:]))
+    return replace(scans, k=np.where(kept[:, None], scans.k, np.nan))
 
 
 def spline_over(scans: RigidScans, chosen: IntArray, knots: int) -> FloatArray:

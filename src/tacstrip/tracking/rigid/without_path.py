@@ -20,7 +20,7 @@ from tacstrip.tracking.rigid.corners import (
 from tacstrip.tracking.rigid.found import WORTH_SETTLING, content
 from tacstrip.tracking.rigid.hopping import hopped
 from tacstrip.tracking.rigid.smooth_path import Path, circle, fit_path
-from tacstrip.tracking.rigid.starts import DENSE, FINER, MANY_STRIPS, ROUGH
+from tacstrip.tracking.rigid.starts import DENSE, FINER, MANY_STRIPS, ROUGH, chosen_scans, with_some_strips
 
 _SATISFIED = 1.15  # of the freedom: a chi square that ends the search
 _REFERENCES = 3  # of a search without a path: scans that it begins with ...
@@ -30,20 +30,19 @@ _RANDOM_SCANS = 40
 
 def best_without_path(scans: RigidScans) -> Fit:
     """Return a fit that takes poses for independent: a scan's own outline, poses of all others on it, and again."""
-    total = len(scans.k)
-    chosen = np.unique(np.linspace(0, total - 1, min(total, _RANDOM_SCANS)).astype(int))
+    total, chosen = len(scans.k), chosen_scans(scans, _RANDOM_SCANS)
     few = scans.of(chosen)
+    thinned = with_some_strips(few)
     order = np.argsort(-few.readings, kind="stable")
     references = order[:: max(1, len(order) // (2 * _REFERENCES))][:_REFERENCES]
     free, best = np.eye(len(chosen)), None
     for reference in references:
-        alone = few.of([reference])
-        path = circle(alone, np.ones((1, 1)), 0.0)
-        path = fit_path(alone, path, 20, tolerance=FINER, cauchy=3.0, rough=ROUGH, end=0.25)
+        path = circle(few.of([reference]), np.ones((1, 1)))
+        path = fit_path(thinned.of([reference]), path, 20, tolerance=FINER, cauchy=3.0, rough=ROUGH, end=0.25)
         for tolerance in _EASED:
-            near = poses_all_round(few, path.corners, tolerance * float(path.radii.mean()), 24, 3)[0]
+            near = poses_all_round(thinned, path.corners, tolerance * float(path.radii.mean()), 24, 3)[0]
             path = Path(path.radii, _wrapped(near[:, 0]), free, np.inf)
-            path = fit_path(few, path, 10, tolerance=tolerance, cauchy=3.0, rough=ROUGH, end=0.1)
+            path = fit_path(thinned, path, 10, tolerance=tolerance, cauchy=3.0, rough=ROUGH, end=0.1)
         fit = min(pruned(few, path.corners, path.poses), key=lambda f: f.criterion(few))
         hopeless = len(bad_scans(few, fit)) > MOST_BAD * len(chosen)
         if not hopeless:
