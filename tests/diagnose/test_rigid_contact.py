@@ -23,9 +23,10 @@ def test_a_drift_stands_out_of_what_an_outline_its_places_and_constant_errors_ex
     drifts = [Defect("drift", _STRIP, _CHANGE)]
     log = faulty_log(unit, contacts, drifts, ts.Noise(positional=0.002), 3, 20.0, offsets)
     work = places(working_copy(log, _SIGMA))
-    model = RigidContact.fit(work)
-    assert model is not None
-    assert model.moves()
+    half = RigidContact.fit(work)
+    assert half is not None
+    assert half.moves()
+    model = half.joined()
     assert model.sigma < 2.0 * _SIGMA
     line = np.sqrt(12.0) * (work.time_s / log.time_s[-1] - 0.5)
     found = model.explain(line[:, None], trusted=_STRIP)
