@@ -29,7 +29,7 @@ def test_a_drift_stands_out_of_what_an_outline_its_places_and_constant_errors_ex
     model = half.joined()
     assert model.sigma < 2.0 * _SIGMA
     line = np.sqrt(12.0) * (work.time_s / log.time_s[-1] - 0.5)
-    found = model.explain(line[:, None], trusted=_STRIP)
+    found = model.explain(line[model.place, None, None], trusted=_STRIP)
     power = found.power_of_groups(1).ravel()
     gain = found.score**2 / power / model.sigma**2
     assert int(np.argmax(gain)) == _STRIP

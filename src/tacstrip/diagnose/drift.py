@@ -46,7 +46,6 @@ _GAIN_ASKED, _OUTSTANDING_ASKED, _CERTAIN_ASKED = 100.0, 1.4, 2.4
 _GAIN_FAR_OUT, _FAR_OUT = 60.0, 3.0  # asked, whatever looks say: they are few
 _GAIN_OF_LINE_ASKED, _OUTSTANDING_LINE_ASKED, _CERTAIN_OF_LINE_ASKED = 50.0, 2.5, 1.0
 # Against one rigid outline under all strips, which holds the shape: what of it is left is far less than of bends.
-_FITS_LOOSELY, _FITS = 5.0, 1.5  # times the noise that a rigid outline leaves at the most, on a smooth path
 _QUARTERS = 4  # of the recording
 _BEYOND, _BEYOND_LINE = (100.0, 2.6, 0.005), (50.0, 3.5, 0.006)  # gain, times the next strip's, over Vref
 _MOST_SEEN = 0.5  # of the strips: parts that no contact joins are outlines of their own
@@ -457,11 +456,8 @@ def _beyond_outline(
     work: WorkingCopy, tau: FloatArray, seen: BoolArray, part: int
 ) -> tuple[int, Finding | Question | None, FloatArray] | None:
     """Return the same of an outline that was fitted to one half of the places first."""
-    half = RigidContact.fit(work, part)
-    if half is None or half.sigma > _FITS_LOOSELY * work.sigma or not half.moves():
-        return None
-    model = half.joined()
-    if model.sigma > _FITS * work.sigma:
+    model = RigidContact.of(work, part)
+    if model is None:
         return None
     place, verdict, least = _outstanding(model, tau, seen, None)
     if verdict is not None:
@@ -479,9 +475,9 @@ def _outstanding(
 
     Without a quarter of the recording, if one is given: what hangs on one visit does not show in each of these.
     """
-    work, courses = model.work, _courses(tau)
+    work, courses = model.work, _courses(tau)[model.place]
     without = slice(0, 0) if quarter is None else model.part(quarter, _QUARTERS)
-    found = model.explain(courses, without=without)
+    found = model.explain(courses[:, None], without=without)
     power = found.power_of_groups(_TERMS)
     some = np.bincount(model.strip, minlength=work.strips) >= _FEWEST_BESIDE
     gain, line = (np.where(some, _gains(found, power, terms, model.sigma), 0.0) for terms in (_TERMS, 1))
@@ -489,8 +485,10 @@ def _outstanding(
     others, others_line = (
         _others(found, power, at, terms, model.sigma, some) for at, terms in ((by, _TERMS), (by_line, 1))
     )
-    alone = [model.explain(courses, trusted=at) if quarter is None else found for at in (by, by_line)]
-    read = courses[model.place[model.strip == by]]
+    alone = [
+        model.explain(courses[:, None], trusted=at) if quarter is None else found for at in (by, by_line)
+    ]
+    read = courses[model.strip == by]
     size = float(np.std(read @ _known_terms(alone[0], by, _TERMS, model.sigma)))
     change = float(np.sqrt(12.0) * _known_terms(alone[1], by_line, 1, model.sigma)[0])
     whole, straight = (gain[by], gain[by] / max(others, 1e-9), size), float(line[by] / max(gain[by], 1e-9))

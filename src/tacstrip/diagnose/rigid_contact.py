@@ -34,6 +34,7 @@ _LESS_DAMPED, _MORE_DAMPED, _LEAST_DAMPING, _WORSE = 0.35, 4.0, 0.03, 1.1
 _MOST_STEP = 1.0, 0.1, 0.25  # of x [pitch], y [L], angle
 _ROBUST = 2.5  # deviations, from which a reading loses weight (Cauchy)
 _TALL = 1.4  # times the contact's height, to start with: tilts of a tall one go the right way
+_FITS_LOOSELY, _FITS = 5.0, 1.5  # times the noise that a start, and a fit, leave at the most
 _BESIDE = 0.3  # of a pitch: how well an untouched strip beside a touched one tells where the contact ends
 _BLURRED = 0.01  # of a pitch: strips are straight no better than that, which counts on steep edges
 _STEEPEST = 1.0  # L per pitch
@@ -132,6 +133,22 @@ class RigidContact:
         start = replace(self, place=row, strip=strip, _pose_of=at, _poses=poses, _path=path, _free=_OWN)
         return start._converged()
 
+    @classmethod
+    def of(cls, work: WorkingCopy, part: int) -> RigidContact | None:
+        """Return the fit to all places that begins on one `part`; None where none leaves noise alone, or nothing moves.
+
+        It is made once until readings change.
+        """
+
+        def made() -> RigidContact | None:
+            half = cls.fit(work, part)
+            if half is None or half.sigma > _FITS_LOOSELY * work.sigma or not half.moves():
+                return None
+            model = half.joined()
+            return model if model.sigma <= _FITS * work.sigma else None
+
+        return work.once(("outline", part), made)
+
     def _converged(self) -> RigidContact:
         """Return the best of some rounds; a few without a gain are the last."""
         fit = kept = self
@@ -162,6 +179,27 @@ class RigidContact:
         """Whether the contact moved across and along."""
         return bool((self._poses[:, :2].std(axis=0) >= self._units[:2] * _MOVED).all())
 
+    def half_apart(self, bridges: FloatArray) -> FloatArray:
+        """Return what ties of sensing strips do, at heights over L: half of what two neighbours read apart, over Vref.
+
+        A bridge ties v_h of contacts below it, and v_l of contacts above it. Of each row, by its strip being the left
+        one of a pair and the right one (rows, channels, 2 * bridges).
+        """
+        (lower, *_), (upper, *_) = self._ends()
+        length, out = self.work.sensor.length_mm, []
+        row = np.full((len(self._poses), self.strips + 2), -1)
+        row[self._pose_of, self.strip + 1] = np.arange(len(self.strip))
+        expected = np.stack([read[self.place, self.strip] for read in self.work.k.values()], axis=1)
+        expected = expected - self._equations.left[:, :-1]
+        for side in (2, 0):
+            other = row[self._pose_of, self.strip + side]
+            half = np.where(other[:, None] >= 0, expected[other] - expected, 0.0) / 2.0
+            below = np.maximum(upper, upper[other])[:, None] < bridges * length
+            above = np.minimum(lower, lower[other])[:, None] > bridges * length
+            tied = np.stack([below if SIGNATURES[n].at_upper_end else above for n in self.work.k], axis=1)
+            out.append(half[:, :, None] * tied)
+        return np.concatenate(out, axis=2)
+
     def part(self, number: int, of: int) -> slice:
         """Return the places of a part of the recording."""
         return slice(len(self._poses) * number // of, len(self._poses) * (number + 1) // of)
@@ -172,19 +210,19 @@ class RigidContact:
         Parameters
         ----------
         change
-            By the working copy's rows, several terms (places, terms); the columns are (strips * terms).
+            Of each row and channel, several terms (rows, channels or 1, terms); the columns are (strips * terms).
         trusted
             A strip of which no reading loses weight as an outlier: what it does is its change.
         without
             Places that do not count.
         """
-        equations, terms = self._equations, change.shape[1]
+        equations, terms = self._equations, change.shape[2]
         weight = np.where((self.strip == trusted)[:, None], equations.most, equations.weight)
         counts = np.ones(len(self._poses))
         counts[without] = 0.0
         weight = weight * counts[self._pose_of, None]
         changed = np.zeros((*weight.shape, terms))
-        changed[:, :-1] = change[self.place, None]
+        changed[:, :-1] = change
         own = np.concatenate([equations.own, changed], axis=2)
         normal, right, _ = self._without_poses(replace(equations, own=own, weight=weight), 0.0)
         # Those of outline and constant errors, then those of the changes.
