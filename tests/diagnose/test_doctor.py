@@ -87,6 +87,22 @@ def test_an_open_end_beside_strips_at_rest_does_not_come_and_go(strip: int) -> N
     _only(diagnose(Log.of(sensor, log.time_s, {"k": k})), "stuck", strip)
 
 
+def test_an_open_end_that_noise_makes_touched() -> None:
+    """On ground, next to the level of rest, a scan counts as touched now and then; before, nothing was found."""
+    sensor = replace(METAL, rest_volt=0.3, touch_volt=0.2)
+    k = faulty_log(sensor, exercise(sensor, np.random.default_rng(5), 240), noise=FAINT).raw["k"].copy()
+    k[:, 6] = np.where(np.arange(240) % 16, 0.06, 0.0)
+    _only(diagnose(Log.of(sensor, np.arange(240) / 200.0, {"k": k})), "open-strip", 6)
+
+
+def test_a_cut_under_a_long_contact_is_no_loose_joint() -> None:
+    """Contacts bridge it at most places: it is on ground below them and on Vref above."""
+    k = faulty_log(METAL, exercise(METAL, np.random.default_rng(5), 240), noise=FAINT).raw["k"].copy()
+    k[:, 7] = np.where(k[:, 7] < 0.3, 0.0, np.where(k[:, 7] > 0.68, 1.0, k[:, 7]))
+    report = diagnose(Log.of(METAL, np.arange(240) / 200.0, {"k": k}))
+    assert [(f.fault, f.strips) for f in report.findings] == [("open-strip", (7,))]
+
+
 def test_an_open_end_in_a_few_presses() -> None:
     contact = ts.Contact.polygon([(0.0, 0.0), (40.0, 10.0), (40.0, 90.0), (0.0, 60.0)])
     presses = [contact.placed(39.0, y) for y in (80.0, 130.0, 180.0, 230.0) for _ in range(15)]

@@ -10,6 +10,7 @@ from studies.checkup import exercise
 from studies.faults import Defect, faulty_log
 from tacstrip.diagnose.neighbour_prediction import places, working_copy
 from tacstrip.diagnose.rigid_contact import RigidContact
+from tacstrip.diagnose.shorts import tied_under_outline
 
 _SIGMA = 0.002 / np.sqrt(3.0)
 _STRIP, _CHANGE = 4, 0.012  # over Vref, from start to end
@@ -35,6 +36,17 @@ def test_a_drift_stands_out_of_what_an_outline_its_places_and_constant_errors_ex
     assert int(np.argmax(gain)) == _STRIP
     assert gain[_STRIP] > 2.0 * np.sort(gain)[-2]
     assert np.sqrt(12.0) * found.score[_STRIP] / power[_STRIP] == pytest.approx(_CHANGE, rel=0.5)
+
+
+def test_tied_sensing_strips_stand_out_of_what_an_outline_expects() -> None:
+    unit = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=5.0, length_mm=120.0)
+    contacts = exercise(unit, np.random.default_rng(3), 300)
+    for faults, pair in (([Defect("short", _STRIP, 0.5, "kh")], (_STRIP, _STRIP + 1)), ([], None)):
+        work = places(
+            working_copy(faulty_log(unit, contacts, faults, ts.Noise(positional=0.002), 3, 20.0), _SIGMA)
+        )
+        found = tied_under_outline(work)
+        assert (found and (found.finding.strips, found.doubtful)) == (pair and (pair, False))
 
 
 def test_a_contact_that_is_held_shows_no_outline() -> None:

@@ -38,7 +38,8 @@ _FITS_LOOSELY, _FITS = 5.0, 1.5  # times the noise that a start, and a fit, leav
 _BESIDE = 0.3  # of a pitch: how well an untouched strip beside a touched one tells where the contact ends
 _BLURRED = 0.01  # of a pitch: strips are straight no better than that, which counts on steep edges
 _STEEPEST = 1.0  # L per pitch
-# Prior standard deviations over Vref, of 1, of the share of a contact's resistance that a strip keeps, over L.
+# Prior standard deviations of a channel's own: over Vref, of 1, of the share of a contact's resistance that the strip
+# keeps, and over L of where contacts end on it and of its unevenness.
 _OFFSET, _GAIN, _SHARE, _EDGE, _UNEVEN = 0.02, 0.01, 0.03, 0.003, 0.01
 _SMOOTH = 0.3  # of half the contact: prior standard deviation of a vertex from between its neighbours
 _LOOSE = 30.0  # times `_STEPS`: prior standard deviation of a pose
@@ -54,6 +55,8 @@ _FREE = 0.05  # of L: what a contact leaves free at least
 @dataclass(frozen=True, eq=False)
 class _Equations:
     """Readings linearised about a fit: a row for each strip touched at a place.
+
+    The last channel is where the contact ends beside the row's strip, in units of which readings' noise is as likely.
 
     Attributes
     ----------

@@ -70,28 +70,27 @@ def shorts(work: WorkingCopy) -> Iterator[Suspect]:
 def tied_under_outline(work: WorkingCopy) -> Suspect | None:
     """Return the pair of sensing strips that is tied, by what one rigid outline under all strips expects of the two.
 
-    Fits that begin on either half of the places, and without any quarter of them, have to blame it.
+    Fits that begin on either half of the places have to blame it, and, unless it is doubtful, without any quarter.
     """
-    pairs: set[int] = set()
-    evidence = ""
+    suspects: list[tuple[int, Suspect]] = []
     for part in range(2):
-        model = RigidContact.of(work, part)
-        if model is None:
+        if (model := RigidContact.of(work, part)) is None:
             return None
         pair, bridge, others = _tied_pair(model, slice(0, 0))
-        pairs.add(pair)
-        if len(pairs) > 1 or bridge.gain <= max(_GAIN_TIED, _TIMES_TIED * others):
+        if bridge.gain <= max(_GAIN_TIED, _TIMES_TIED * others):
             return None
-        evidence = (
-            f"what they read apart is {bridge.strength:.2g} times as flat as that of one conductor, against one rigid "
-            f"contact under all strips, {_held_against(bridge, max(others, 1.0))}"
-        )
+        stands = True
         for quarter in range(_QUARTERS):
-            other, bridge, others = _tied_pair(model, model.part(quarter, _QUARTERS))
-            if other != pair or bridge.gain <= max(_GAIN_IN_QUARTERS, _TIMES_IN_QUARTERS * others):
-                return None
-    (pair,) = pairs
-    return work.suspect("short", [pair, pair + 1], evidence, {"gain": bridge.gain}, bridge.gain)
+            other, left, usual = _tied_pair(model, model.part(quarter, _QUARTERS))
+            stands &= other == pair and left.gain > max(_GAIN_IN_QUARTERS, _TIMES_IN_QUARTERS * usual)
+        evidence = (
+            f"{bridge.strength:.2g} times as flat as one conductor, against one rigid contact under all strips, "
+            f"{_held_against(bridge, max(others, 1.0))}"
+        )
+        suspect = work.suspect("short", [pair, pair + 1], evidence, {"gain": bridge.gain}, bridge.gain)
+        suspects.append((pair, replace(suspect, doubtful=not stands)))
+    (one, suspect), (two, also) = suspects
+    return replace(suspect, doubtful=suspect.doubtful or also.doubtful) if one == two else None
 
 
 def _tied_pair(model: RigidContact, without: slice) -> tuple[int, _Bridge, float]:
