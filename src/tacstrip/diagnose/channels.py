@@ -22,10 +22,8 @@ _INSIDE = 0.15  # over Vref: predictions this far from both rails do not agree w
 _RAIL = 0.012  # over Vref
 _NEAR_RAIL = 0.08  # over Vref: largest offset of a channel that lies on a rail
 _ALWAYS = 0.9  # of those places: an open end shows wherever the contact is
-_SHARE, _SHARE_OF_BOTH = (
-    0.4,
-    0.2,
-)  # of those places, and on both rails: elsewhere the contact bridges the break
+# Of those places, and of those on both rails: elsewhere the contact bridges the break.
+_SHARE, _SHARE_OF_BOTH = 0.4, 0.2
 _OTHER_FITS = 0.5  # of a dead channel's misfit: what the strip's other channel has at most
 _SPREAD = 0.05  # over Vref: what the neighbours must move for a reading that does not
 _STAYS = 0.01  # over Vref: neighbours that move less in half of the places are covered wholly, too

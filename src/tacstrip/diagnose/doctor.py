@@ -262,10 +262,12 @@ def _examined(part: Log, kinds: Set[str] = FAULTS.keys(), sought: Set[_Place] = 
         timed = places(work, max(len(part.time_s) // _TIMED, 1))
         pair = tied_under_outline(timed) if geometric and sensor.sensing_ratio and not sought else None
         if pair is not None:
-            settled.add((pair.finding.fault, pair.finding.strips))  # as doubted, at least
-            if pair.doubtful:
+            fresh = not {i for f in removed for i in f.strips} & set(pair.finding.strips)
+            if fresh or not pair.doubtful:
+                settled.add((pair.finding.fault, pair.finding.strips))
+            if fresh and pair.doubtful:
                 doubted.append(Question(pair.finding.strips, (pair.finding.fault,), pair.finding.evidence))
-            elif not {i for f in removed for i in f.strips} & set(pair.finding.strips):
+            elif fresh:
                 removed.append(pair.finding)
                 tied.append(pair)
         for suspect in tied:

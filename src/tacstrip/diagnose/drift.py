@@ -485,12 +485,12 @@ def _outstanding(
     others, others_line = (
         _others(found, power, at, terms, model.sigma, some) for at, terms in ((by, _TERMS), (by_line, 1))
     )
-    alone = [
-        model.explain(courses[:, None], trusted=at) if quarter is None else found for at in (by, by_line)
-    ]
+    alone = {
+        at: model.explain(courses[:, None], trusted=at) if quarter is None else found for at in {by, by_line}
+    }
     read = courses[model.strip == by]
-    size = float(np.std(read @ _known_terms(alone[0], by, _TERMS, model.sigma)))
-    change = float(np.sqrt(12.0) * _known_terms(alone[1], by_line, 1, model.sigma)[0])
+    size = float(np.std(read @ _known_terms(alone[by], by, _TERMS, model.sigma)))
+    change = float(np.sqrt(12.0) * _known_terms(alone[by_line], by_line, 1, model.sigma)[0])
     whole, straight = (gain[by], gain[by] / max(others, 1e-9), size), float(line[by] / max(gain[by], 1e-9))
     lines = line[by_line], line[by_line] / max(others_line, 1e-9), abs(change)
     least = _least(power, line, seen, model.sigma, _BEYOND_LINE[:2])
