@@ -491,8 +491,12 @@ def _outstanding(
     read = courses[model.strip == by]
     size = float(np.std(read @ _known_terms(alone[by], by, _TERMS, model.sigma)))
     change = float(np.sqrt(12.0) * _known_terms(alone[by_line], by_line, 1, model.sigma)[0])
-    whole, straight = (gain[by], gain[by] / max(others, 1e-9), size), float(line[by] / max(gain[by], 1e-9))
-    lines = line[by_line], line[by_line] / max(others_line, 1e-9), abs(change)
+    any_size = 0.0 if quarter is None else np.inf  # a part of the recording tells it less well
+    whole, straight = (
+        (gain[by], gain[by] / max(others, 1e-9), size + any_size),
+        float(line[by] / max(gain[by], 1e-9)),
+    )
+    lines = line[by_line], line[by_line] / max(others_line, 1e-9), abs(change) + any_size
     least = _least(power, line, seen, model.sigma, _BEYOND_LINE[:2])
     against = "against one rigid contact under all strips"
     drifted = f"moved by about {100 * change:+.1g} % of Vref from start to end, {against}"
