@@ -411,7 +411,8 @@ def never_touched(work: WorkingCopy) -> Iterator[Suspect]:
         if count >= _FEW and np.ptp(first) + np.ptp(last) >= 1:
             fault = "dead"
             evidence = f"reads no contact in {count} places where both its neighbours do, though the contact moves on"
-            on_rail, at_vref = bool(work.on_rail[work.order[strip]]), _rest(work) > 0.5
+            seldom = work.there[:, strip].any()  # then it is on a rail, as no free wire is
+            on_rail, at_vref = bool(seldom or work.on_rail[work.order[strip]]), _rest(work) > 0.5
             if on_rail or len(work.k) == 1:  # one open clamp, rather than all wires dead
                 fault = "open-strip"
                 rail = f", and is on {'Vref' if at_vref else 'ground'} throughout" * on_rail
