@@ -265,9 +265,9 @@ def _examined(part: Log, kinds: Set[str] = FAULTS.keys(), sought: Set[_Place] = 
             fresh = not {i for f in removed for i in f.strips} & set(pair.finding.strips)
             if fresh or not pair.doubtful:
                 settled.add((pair.finding.fault, pair.finding.strips))
-            if fresh and pair.doubtful:
+            if fresh and pair.doubtful and pair.finding.strips not in {q.strips for q in doubted}:
                 doubted.append(Question(pair.finding.strips, (pair.finding.fault,), pair.finding.evidence))
-            elif fresh:
+            elif fresh and not pair.doubtful:
                 removed.append(pair.finding)
                 tied.append(pair)
         for suspect in tied:
