@@ -80,7 +80,7 @@ def course_known(seed: int, number: int) -> Known:
     bends = [_z(m.explain(m.rows.effect(course[:, None])), m.sigma) for m in fits if m]
     half = RigidContact.fit(work)
     outline = half and half.joined()
-    against = [_z(outline.explain(course[:, None]), outline.sigma)] if outline else []
+    against = [_z(outline.explain(course[outline.place, None, None]), outline.sigma)] if outline else []
     far = np.abs(np.arange(work.strips) - strip) > _APART
     nothing = [np.zeros(work.strips)]
     shown = [np.max(z or nothing, axis=0) for z in (bends, against)]
@@ -112,7 +112,8 @@ def shows(log: Log, sound: Log, strips: tuple[int, ...]) -> bool:
     if len(strips) == 1 and (half := RigidContact.fit(work)):
         outline = half.joined()
         course = np.mean([np.nan_to_num(log.k[name] - sound.k[name])[:, strips[0]] for name in log.k], axis=0)
-        every.append(_z(outline.explain(np.interp(work.time_s, log.time_s, course)[:, None]), outline.sigma))
+        at_places = np.interp(work.time_s, log.time_s, course)[outline.place, None, None]
+        every.append(_z(outline.explain(at_places), outline.sigma))
     far = np.abs(np.arange(len(score)) - strips[0]) > _APART
     return any(z[strips[0]] > z[far].max(initial=0.0) for z in every)
 

@@ -22,7 +22,8 @@ _INSIDE = 0.15  # over Vref: predictions this far from both rails do not agree w
 _RAIL = 0.012  # over Vref
 _NEAR_RAIL = 0.08  # over Vref: largest offset of a channel that lies on a rail
 _ALWAYS = 0.9  # of those places: an open end shows wherever the contact is
-_SHARE = 0.4  # of those places: elsewhere the contact bridges the break
+# Of those places, and of those on both rails: elsewhere the contact bridges the break.
+_SHARE, _SHARE_OF_BOTH = 0.4, 0.2
 _OTHER_FITS = 0.5  # of a dead channel's misfit: what the strip's other channel has at most
 _SPREAD = 0.05  # over Vref: what the neighbours must move for a reading that does not
 _STAYS = 0.01  # over Vref: neighbours that move less in half of the places are covered wholly, too
@@ -160,7 +161,8 @@ def _open_strip(
     # An object that reaches over the end of one strip does so at one height, or once.
     rows = np.flatnonzero((ground | vref) & np.isfinite(level))
     levels = np.concatenate([level[rows], silent])
-    if count < max(enough, _SHARE * places) or len(levels) < _FEW:
+    share = _SHARE if min(on_ground, on_vref) < _FEW else _SHARE_OF_BOTH
+    if count < max(enough, share * places) or len(levels) < _FEW:
         return
     if _spread(levels) < (_MOVES_OFTEN if passes(rows) >= _PASSES else _MOVES):
         return
@@ -392,21 +394,25 @@ def _drop_end(work: WorkingCopy, strip: int, name: str, level: float, sign: floa
 
 
 def never_touched(work: WorkingCopy) -> Iterator[Suspect]:
-    """Find strips that are never touched while a contact moves across them."""
-    away = _away_from_rest(work)
-    for strip in np.flatnonzero(~work.there.any(axis=0)).tolist():
+    """Find strips that are never touched, or on a rail only, while a contact moves across them."""
+    away, near = _away_from_rest(work), max(_RAIL, 4.0 * work.sigma)
+    with np.errstate(invalid="ignore"):
+        reads = np.any([np.abs(values - 0.5) < 0.5 - near for values in work.k.values()], axis=0) & work.there
+    for strip in np.flatnonzero(~reads.any(axis=0) & ~work.there.all(axis=0)).tolist():
         if strip in (0, work.strips - 1):
             continue
         over = away[:, strip - 1] & away[:, strip + 1]
         for values in work.k.values():  # one contact, not two with a gap between them
             over &= ~(np.abs(values[:, strip + 1] - values[:, strip - 1]) > _ONE_CONTACT)
+        over &= ~work.there[:, strip]
         first = work.there[over].argmax(axis=1)
         last = work.strips - 1 - work.there[over][:, ::-1].argmax(axis=1)
         count = int(over.sum())
         if count >= _FEW and np.ptp(first) + np.ptp(last) >= 1:
             fault = "dead"
             evidence = f"reads no contact in {count} places where both its neighbours do, though the contact moves on"
-            on_rail, at_vref = bool(work.on_rail[work.order[strip]]), _rest(work) > 0.5
+            seldom = work.there[:, strip].any()  # then it is on a rail, as no free wire is
+            on_rail, at_vref = bool(seldom or work.on_rail[work.order[strip]]), _rest(work) > 0.5
             if on_rail or len(work.k) == 1:  # one open clamp, rather than all wires dead
                 fault = "open-strip"
                 rail = f", and is on {'Vref' if at_vref else 'ground'} throughout" * on_rail

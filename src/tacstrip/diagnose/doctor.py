@@ -29,7 +29,7 @@ from tacstrip.diagnose.noise import NoiseEstimate, excess_noise, measure, qualit
 from tacstrip.diagnose.pressure import pressure
 from tacstrip.diagnose.questions import questions
 from tacstrip.diagnose.regression import moved_to_and_fro
-from tacstrip.diagnose.shorts import shorts
+from tacstrip.diagnose.shorts import shorts, tied_under_outline
 from tacstrip.io.input_checks import other_scale
 from tacstrip.sensor.left_out import channel_name, left_out, left_out_wholly
 from tacstrip.sensor.rest_level import all_read_hint, rest_hint
@@ -126,7 +126,7 @@ def _without_any_quarter(seen: _Examined, part: Log) -> tuple[tuple[Finding, ...
     have come in one quarter, for the most part. A question that never stands is dropped.
     """
     findings = {(f.fault, f.strips): "levels_at_rest" in f.numbers for f in seen.findings}
-    settled = {(fault, (i,)) for fault in _SLOW for i in seen.settled}
+    settled = seen.settled
     asked = [{(cause, q.strips) for cause in q.causes} for q in seen.questions]
     every = {*findings, *(place for places in asked for place in places)}
     falls = dict.fromkeys(findings, 0)
@@ -191,9 +191,8 @@ class _Examined:
     """What an examination finds, and what notes and all that was not checked are told by.
 
     findings: broken ones first; removed: those of them that were repaired in `rows`, a row for each place. notes: of
-    drift; least_drift: of each strip that would be told, over Vref (strips,); settled: strips whose drift needs no
-    quarters. at_rest: whether, and how, strips that nothing touches count as touched. unchecked: of loose
-    wires, bits and hum.
+    drift; least_drift: of each strip that would be told, over Vref (strips,); settled: what needs no quarters.
+    at_rest: whether, and how, strips that nothing touches count as touched. unchecked: of loose wires, bits and hum.
     """
 
     findings: tuple[Finding, ...]
@@ -203,7 +202,7 @@ class _Examined:
     noise: NoiseEstimate
     notes: list[Finding]
     least_drift: FloatArray
-    settled: frozenset[int]
+    settled: frozenset[_Place]
     at_rest: str
     unchecked: tuple[str, ...]
 
@@ -253,18 +252,33 @@ def _examined(part: Log, kinds: Set[str] = FAULTS.keys(), sought: Set[_Place] = 
     if "saturation" in kinds and not (pressed or ceiling or reference):
         faulty = {i for f in removed for i in f.strips}
         removed += [f for f in single_ceilings(part, sigma) if not faulty & set(f.strips)]
-    slow = Drifts([], [], [], np.full(work.strips, np.inf))
+    slow, settled = Drifts([], [], [], np.full(work.strips, np.inf)), set[_Place]()
     if kinds & {"drift", "wander"}:
+        tied = [s for s in named if s.finding.fault == "short"]
         for suspect in named:
-            suspect.repair(work)
+            if suspect not in tied:
+                suspect.repair(work)
         work.changed()
         timed = places(work, max(len(part.time_s) // _TIMED, 1))
+        pair = tied_under_outline(timed) if geometric and sensor.sensing_ratio and not sought else None
+        if pair is not None:
+            fresh = not {i for f in removed for i in f.strips} & set(pair.finding.strips)
+            if fresh or not pair.doubtful:
+                settled.add((pair.finding.fault, pair.finding.strips))
+            if fresh and pair.doubtful and pair.finding.strips not in {q.strips for q in doubted}:
+                doubted.append(Question(pair.finding.strips, (pair.finding.fault,), pair.finding.evidence))
+            elif fresh and not pair.doubtful:
+                removed.append(pair.finding)
+                tied.append(pair)
+        for suspect in tied:
+            suspect.repair(timed)
         slow = drift(
             part,
             timed,
             timed.time_s,
             {i for fault, strips in sought if fault in ("drift", "wander") for i in strips},
         )
+    settled |= {(fault, (i,)) for fault in _SLOW for i in slow.settled}
     humming, no_hum = hum(part, sigma) if "hum" in kinds else ([], "")
     loud = {f.strips for f in humming}
     known = {i for f in removed for i in f.strips}
@@ -285,7 +299,7 @@ def _examined(part: Log, kinds: Set[str] = FAULTS.keys(), sought: Set[_Place] = 
         noise=noise,
         notes=slow.notes,
         least_drift=slow.least,
-        settled=slow.settled,
+        settled=frozenset(settled),
         at_rest=at_rest,
         unchecked=(
             "intermittent contacts: the rest level is not given" if at_rest and geometric else "",

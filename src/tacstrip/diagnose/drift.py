@@ -46,12 +46,11 @@ _GAIN_ASKED, _OUTSTANDING_ASKED, _CERTAIN_ASKED = 100.0, 1.4, 2.4
 _GAIN_FAR_OUT, _FAR_OUT = 60.0, 3.0  # asked, whatever looks say: they are few
 _GAIN_OF_LINE_ASKED, _OUTSTANDING_LINE_ASKED, _CERTAIN_OF_LINE_ASKED = 50.0, 2.5, 1.0
 # Against one rigid outline under all strips, which holds the shape: what of it is left is far less than of bends.
-_FITS_LOOSELY, _FITS = 5.0, 1.7  # times the noise that a rigid outline leaves at the most, on a smooth path
 _QUARTERS = 4  # of the recording
-_BEYOND, _BEYOND_LINE = (120.0, 2.6, 0.003), (50.0, 3.5, 0.004)  # gain, times the next strip's, over Vref
-_MOST_SEEN = 0.8  # of the strips: parts that no contact joins are outlines of their own
+_BEYOND, _BEYOND_LINE = (100.0, 2.6, 0.005), (50.0, 3.5, 0.006)  # gain, times the next strip's, over Vref
+_MOST_SEEN = 0.5  # of the strips: parts that no contact joins are outlines of their own
 _FEWEST_BESIDE = 8  # readings of a strip that may have done what is seen of another
-_BEYOND_ASKED, _BEYOND_LINE_ASKED = (80.0, 1.8, 0.004), (30.0, 2.4, 0.005)
+_BEYOND_ASKED, _BEYOND_LINE_ASKED = (80.0, 1.8, 0.005), (30.0, 2.4, 0.006)
 _LINE = (0.35, 0.6)  # of a change's gain that a line explains: less is wander, more drift
 _MOST_FOUND, _MOST_ASKED = 4, 2  # strips
 _MIDDLE = (np.arange(_BLOCKS) + 0.5) / _BLOCKS
@@ -141,21 +140,17 @@ def drift(log: Log, work: WorkingCopy, time_s: FloatArray, sought: Set[int] = fr
     for _ in range(_MOST_FOUND):
         if sought and sought <= {i for some in (found, asked) for verdict in some for i in verdict.strips}:
             break
-        place, verdict, shown = _against_neighbours(work, tau)
-        if outline and not isinstance(verdict, Finding):
-            outline = False  # one fit, and the strip that stands out most
-            other, better, also = _against_outline(work, tau)
-            # What bends ask about without a line may be the contact's shape, which an outline knows.
-            wanders = isinstance(verdict, Question) and verdict.causes[0] == "wander"
-            if better is not None or (wanders and np.isfinite(also[place])):
-                place, verdict = other, better
-            if verdict is not None and verdict is better:
-                settled.add(verdict.strips[0])
-            shown = np.minimum(shown, also)
+        # What bends show of a strip may be the contact's shape, which an outline knows.
+        seen = _against_outline(work, tau) if outline else None
+        outline = seen is not None
+        place, verdict, shown = seen or _against_neighbours(work, tau)
         least[work.order] = np.minimum(least[work.order], shown)
         if verdict is None:
             break
         (found if isinstance(verdict, Finding) else asked).append(verdict)  # type: ignore[arg-type]
+        if outline:  # one fit, and the strip that stands out most
+            settled.update(verdict.strips)
+            break
         work.drop(place)
     return Drifts(found, asked if len(asked) <= _MOST_ASKED else [], notes, least, frozenset(settled))
 
@@ -432,44 +427,38 @@ def _courses(tau: FloatArray) -> FloatArray:
     return np.stack([np.sqrt(12.0) * (tau - 0.5), *waves], axis=1)
 
 
-def _against_outline(work: WorkingCopy, tau: FloatArray) -> tuple[int, Finding | Question | None, FloatArray]:
+def _against_outline(
+    work: WorkingCopy, tau: FloatArray
+) -> tuple[int, Finding | Question | None, FloatArray] | None:
     """Return what one strip does beyond a rigid outline under all: its place, the verdict, and the least drift told.
 
-    Two fits, to halves of the places, have to blame one strip: a fit may end in a wrong minimum.
+    None where no outline leaves noise alone. Two fits, begun on halves of the places, have to blame one strip: a fit
+    may end in a wrong minimum.
     """
-    said: list[tuple[int, Finding | Question]] = []
-    every = np.full(work.strips, np.inf)
     row, strip = readings_joined(work)
     seen = (np.bincount(strip, minlength=work.strips) >= _FEWEST) & _spans(work.strips, strip, tau[row])
     if seen.sum() < max(_FEWEST_STRIPS, _MOST_SEEN * work.strips):
-        return 0, None, every
-    for part in range(2):
-        place, verdict, least = _beyond_outline(work, tau, seen, part)
-        every = np.minimum(every, least)
-        if verdict is not None:
-            said.append((place, verdict))
-        elif np.isfinite(least).any():
-            return 0, None, every
-    if not said or len({place for place, _ in said}) > 1:
-        return 0, None, every
-    sure = [verdict for _, verdict in said if isinstance(verdict, Finding)]
-    if len(sure) == 2:
-        return said[0][0], sure[0], every
-    question = Question(said[0][1].strips, ("drift", "wander"), said[0][1].evidence)
-    return said[0][0], question, every
+        return None
+    one = _beyond_outline(work, tau, seen, 0)
+    if one is None or one[1] is None:
+        return one
+    other = _beyond_outline(work, tau, seen, 1)
+    if other is None or other[1] is None:
+        return other
+    if one[0] != other[0]:
+        return 0, None, np.full(work.strips, np.inf)
+    if isinstance(one[1], Finding) and isinstance(other[1], Finding):
+        return one
+    return one[0], Question(one[1].strips, ("drift", "wander"), one[1].evidence), one[2]
 
 
 def _beyond_outline(
     work: WorkingCopy, tau: FloatArray, seen: BoolArray, part: int
-) -> tuple[int, Finding | Question | None, FloatArray]:
+) -> tuple[int, Finding | Question | None, FloatArray] | None:
     """Return the same of an outline that was fitted to one half of the places first."""
-    half = RigidContact.fit(work, part)
-    nothing = np.full(work.strips, np.inf)
-    if half is None or half.sigma > _FITS_LOOSELY * work.sigma or not half.moves():
-        return 0, None, nothing
-    model = half.joined()
-    if model.sigma > _FITS * work.sigma:
-        return 0, None, nothing
+    model = RigidContact.of(work, part)
+    if model is None:
+        return None
     place, verdict, least = _outstanding(model, tau, seen, None)
     if verdict is not None:
         stands = [_outstanding(model, tau, seen, quarter)[0] == place for quarter in range(_QUARTERS)]
@@ -486,9 +475,9 @@ def _outstanding(
 
     Without a quarter of the recording, if one is given: what hangs on one visit does not show in each of these.
     """
-    work, courses = model.work, _courses(tau)
+    work, courses = model.work, _courses(tau)[model.place]
     without = slice(0, 0) if quarter is None else model.part(quarter, _QUARTERS)
-    found = model.explain(courses, without=without)
+    found = model.explain(courses[:, None], without=without)
     power = found.power_of_groups(_TERMS)
     some = np.bincount(model.strip, minlength=work.strips) >= _FEWEST_BESIDE
     gain, line = (np.where(some, _gains(found, power, terms, model.sigma), 0.0) for terms in (_TERMS, 1))
@@ -496,20 +485,26 @@ def _outstanding(
     others, others_line = (
         _others(found, power, at, terms, model.sigma, some) for at, terms in ((by, _TERMS), (by_line, 1))
     )
-    one = model.explain(courses, trusted=by_line) if quarter is None else found
-    change = float(
-        np.sqrt(12.0) * one.score[by_line * _TERMS] / max(one.power_of_groups(_TERMS)[by_line, 0, 0], 1e-12)
+    alone = {
+        at: model.explain(courses[:, None], trusted=at) if quarter is None else found for at in {by, by_line}
+    }
+    read = courses[model.strip == by]
+    size = float(np.std(read @ _known_terms(alone[by], by, _TERMS, model.sigma)))
+    change = float(np.sqrt(12.0) * _known_terms(alone[by_line], by_line, 1, model.sigma)[0])
+    any_size = 0.0 if quarter is None else np.inf  # a part of the recording tells it less well
+    whole, straight = (
+        (gain[by], gain[by] / max(others, 1e-9), size + any_size),
+        float(line[by] / max(gain[by], 1e-9)),
     )
-    size = _size(power[by], float(gain[by]), model.sigma)
-    whole, straight = (gain[by], gain[by] / max(others, 1e-9), size), float(line[by] / max(gain[by], 1e-9))
-    lines = line[by_line], line[by_line] / max(others_line, 1e-9), abs(change)
+    lines = line[by_line], line[by_line] / max(others_line, 1e-9), abs(change) + any_size
     least = _least(power, line, seen, model.sigma, _BEYOND_LINE[:2])
     against = "against one rigid contact under all strips"
     drifted = f"moved by about {100 * change:+.1g} % of Vref from start to end, {against}"
     wandered = f"wanders by +-{100 * size:.2g} % of Vref {against}"
-    if seen[by] and _beyond(whole, _BEYOND) and straight < _LINE[0]:
+    in_line = seen[by_line] and _beyond(lines, _BEYOND_LINE)
+    if seen[by] and _beyond(whole, _BEYOND) and (straight < _LINE[0] or not in_line):
         return by, Finding("wander", (int(work.order[by]),), wandered, {"wander": size}), least
-    if seen[by_line] and _beyond(lines, _BEYOND_LINE):
+    if in_line:
         return by_line, Finding("drift", (int(work.order[by_line]),), drifted, {"change": change}), least
     if _beyond(lines, _BEYOND_LINE_ASKED):
         return by_line, Question((int(work.order[by_line]),), ("drift", "wander"), drifted), least
@@ -552,6 +547,12 @@ def _gains(found: Explanation, power: FloatArray, terms: int, sigma: float) -> F
     return np.asarray(
         np.einsum("ia,ia->i", score, np.linalg.solve(each, score[..., None])[..., 0]) / sigma**2
     )
+
+
+def _known_terms(found: Explanation, by: int, terms: int, sigma: float) -> FloatArray:
+    """Return a strip's first terms (terms,) over Vref, by what is usual and what it explains."""
+    power = found.power_of_groups(_TERMS)[by, :terms, :terms] + np.eye(terms) * (sigma / _USUAL) ** 2
+    return np.asarray(np.linalg.solve(power, _scores(found, terms)[by]))
 
 
 def _size(power: FloatArray, gain: float, sigma: float) -> float:

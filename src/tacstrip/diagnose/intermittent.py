@@ -96,6 +96,9 @@ def _anywhere(work: WorkingCopy, lines: list[FloatArray], away: BoolArray, strip
     for line, gone, values in zip(lines, away[:, :, strip], work.k.values(), strict=True):
         out, good = gone & under, line[~gone, strip]
         line, high = line[:, strip], np.where(work.there[:, strip], values[:, strip], rest) >= 0.5
+        below, above = line[out & ~high & (line > _FAR)], line[out & high & (line < 1.0 - _FAR)]
+        if min(len(below), len(above)) >= _JUMPS and np.quantile(below, 0.9) < np.quantile(above, 0.1):
+            return False  # on ground below the cut, on Vref above it
         for side in (out & high & (line < 1.0 - _CLEAR), out & ~high & (line > _CLEAR)):
             if np.isfinite(line[side]).sum() >= _FEW_OUT and not mixed_heights(line[side], good):
                 return False

@@ -24,24 +24,31 @@ from tacstrip.sensor.closed_form import fraction, lower_and_width, reading_jacob
 from tacstrip.sensor.constructions import SIGNATURES
 
 _VERTICES, _KNOTS = 24, 7  # of the outline; of the unevenness along a strip
-_OWN = 2 + _KNOTS  # numbers of a channel: offset, gain, unevenness
+_OWN = 5 + _KNOTS  # numbers of a channel: offset, gain, share, unevenness
 _MOST_PLACES, _MOST_JOINED, _FEWEST_PLACES = 200, 600, 60  # of a half, of all, and of a half at least
 _MOST_STRIPS = 40  # those of larger units lie closer: there bends are small
-_ROUNDS, _ROUNDS_JOINED, _GAINED = 60, 25, 0.98  # when to stop
+_FREE_AT_FIRST = 2  # numbers of a channel: offset and gain, while outline and poses are searched for
+_ROUNDS, _PATIENT, _GAINED = 40, 4, 0.98  # when to stop
 _STEPS = 0.5, 0.03, 0.1, 0.1  # least damping of x [pitch], y [L], angle; of a vertex [half the contact]
 _LESS_DAMPED, _MORE_DAMPED, _LEAST_DAMPING, _WORSE = 0.35, 4.0, 0.03, 1.1
 _MOST_STEP = 1.0, 0.1, 0.25  # of x [pitch], y [L], angle
 _ROBUST = 2.5  # deviations, from which a reading loses weight (Cauchy)
+_TALL = 1.4  # times the contact's height, to start with: tilts of a tall one go the right way
+_FITS_LOOSELY, _FITS = 5.0, 1.5  # times the noise that a start, and a fit, leave at the most
+_BESIDE = 0.3  # of a pitch: how well an untouched strip beside a touched one tells where the contact ends
 _BLURRED = 0.01  # of a pitch: strips are straight no better than that, which counts on steep edges
 _STEEPEST = 1.0  # L per pitch
-_OFFSET, _GAIN, _UNEVEN = 0.02, 0.01, 0.01  # prior standard deviations over Vref, of 1, over L
+# Prior standard deviations of a channel's own: over Vref, of 1, of the share of a contact's resistance that the strip
+# keeps, and over L of where contacts end on it and of its unevenness.
+_OFFSET, _GAIN, _SHARE, _EDGE, _UNEVEN = 0.02, 0.01, 0.03, 0.003, 0.01
 _SMOOTH = 0.3  # of half the contact: prior standard deviation of a vertex from between its neighbours
 _LOOSE = 30.0  # times `_STEPS`: prior standard deviation of a pose
 _USUAL_HEIGHT = 0.27  # of L, where one signature does not tell
 _MOVED = 1.0, 0.1  # pitches across and L along: standard deviations of a contact that shows its shape
 _STILL, _STAYS = 2.5, 0.4  # deviations, that noise alone makes readings change; of the places
 _ORDER = 4  # of a smooth path's splines: so many numbers tell a pose
-_PLACES_A_KNOT, _SHORT, _PAUSE = 4, 5, 4.0  # of a smooth path; places without one; times the usual step
+# Places a knot of a smooth path, of a half and of all; stays shorter than it; times the usual step between two stays.
+_PLACES_A_KNOT, _PLACES_A_KNOT_OF_ALL, _SHORT, _PAUSE = 2, 3, 5, 4.0
 _FREE = 0.05  # of L: what a contact leaves free at least
 _SECOND_DIFFERENCES = np.eye(_VERTICES) - 0.5 * (
     np.roll(np.eye(_VERTICES), 1, 0) + np.roll(np.eye(_VERTICES), -1, 0)
@@ -52,6 +59,8 @@ _BEND = _SECOND_DIFFERENCES.T @ _SECOND_DIFFERENCES
 @dataclass(frozen=True, eq=False)
 class _Equations:
     """Readings linearised about a fit: a row for each strip touched at a place.
+
+    The last channel is where the contact ends beside the row's strip, in units of which readings' noise is as likely.
 
     Attributes
     ----------
@@ -91,13 +100,16 @@ class RigidContact:
     _outline: FloatArray  # (V, 2) [mm], in its own frame
     _poses: FloatArray  # x, y [mm], angle (P, 3)
     _constant: FloatArray  # (strips, channels, numbers)
-    _path: sparse.csr_matrix | None = None  # (P, C): poses of the numbers of a smooth path
+    _path: sparse.csr_matrix  # (P, C): poses of the numbers of a smooth path
+    _free: int  # numbers of a channel that are fitted, the first ones
 
     @classmethod
     def fit(cls, work: WorkingCopy, part: int = 0) -> RigidContact | None:
         """Fit evenly spread places, of one `part` (0 or 1) of them; None where there are too few, or too many strips.
 
-        So it is where the contact mostly stays, and the fit's own errors repeat.
+        So it is where the contact mostly stays, and the fit's own errors repeat. Of each channel's own numbers only
+        offset and gain are fitted: a start for `joined`. Its path is smooth while the contact stays: places with poses
+        of their own end in wrong minima.
 
         Source: damped Gauss-Newton, iteratively reweighted, with poses eliminated place by place (Schur complement).
         """
@@ -110,38 +122,52 @@ class RigidContact:
         at, strip = np.nonzero(known[rows])
         half, poses = _start(work, rows, known[rows])
         angle = 2.0 * np.pi * np.arange(_VERTICES) / _VERTICES
-        outline = half * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
         constant = np.zeros((work.strips, len(work.k), _OWN))
-        fit = cls(work, rows[at], strip, at, half, outline, poses, constant)
-        return fit._converged(_ROUNDS)
+        path, poses = _smooth_path(work.time_s[rows], poses, _PLACES_A_KNOT)
+        outline = half * (1.0, _TALL) * circle
+        start = cls(work, rows[at], strip, at, half, outline, poses, constant, path, _FREE_AT_FIRST)
+        return start._converged()
 
     def joined(self) -> RigidContact:
-        """Return the fit to all places, evenly spread, on a path that is smooth while the contact stays.
-
-        Most of what three free numbers a place take away is given back to what strips do with time.
-        """
+        """Return the fit of all numbers to all places, evenly spread."""
         work, (row, strip) = self.work, readings_joined(self.work)
         rows, at = np.unique(row, return_inverse=True)
         mine = np.zeros(len(self._poses), dtype=int)
         mine[self._pose_of] = self.place
         nearest = np.abs(work.time_s[rows, None] - work.time_s[mine]).argmin(axis=1)
-        smooth = _smooth_path(work.time_s[rows])
-        poses = smooth @ sparse.linalg.spsolve((smooth.T @ smooth).tocsc(), smooth.T @ self._poses[nearest])
-        start = replace(self, place=row, strip=strip, _pose_of=at, _poses=poses, _path=smooth)
-        return start._converged(_ROUNDS_JOINED)
+        path, poses = _smooth_path(work.time_s[rows], self._poses[nearest], _PLACES_A_KNOT_OF_ALL)
+        start = replace(self, place=row, strip=strip, _pose_of=at, _poses=poses, _path=path, _free=_OWN)
+        return start._converged()
 
-    def _converged(self, rounds: int) -> RigidContact:
-        """Return the best of so many rounds; a fifth of them without a gain are the last."""
+    @classmethod
+    def of(cls, work: WorkingCopy, part: int) -> RigidContact | None:
+        """Return the fit to all places that begins on one `part`; None where none leaves noise alone, or nothing moves.
+
+        It is made once until readings change.
+        """
+
+        def made() -> RigidContact | None:
+            half = cls.fit(work, part)
+            if half is None or half.sigma > _FITS_LOOSELY * work.sigma or not half.moves():
+                return None
+            model = half.joined()
+            return model if model.sigma <= _FITS * work.sigma else None
+
+        return work.once(("outline", part), made)
+
+    def _converged(self) -> RigidContact:
+        """Return the best of some rounds; a few without a gain are the last."""
         fit = kept = self
         damping, sigmas = 1.0, list[float]()
-        for round_ in range(rounds):
+        for round_ in range(_ROUNDS):
             if fit.sigma > _WORSE * kept.sigma:
                 fit, damping = kept, damping * _MORE_DAMPED
             else:
                 damping = max(damping * _LESS_DAMPED, _LEAST_DAMPING) if round_ > 2 else damping
             kept = fit if fit.sigma <= kept.sigma else kept
             sigmas.append(kept.sigma)
-            if round_ > rounds // 5 and kept.sigma > _GAINED * sigmas[-(rounds // 5)]:
+            if round_ > _PATIENT and kept.sigma > _GAINED * sigmas[-_PATIENT]:
                 break
             fit = fit._stepped(damping)
         return kept
@@ -160,6 +186,27 @@ class RigidContact:
         """Whether the contact moved across and along."""
         return bool((self._poses[:, :2].std(axis=0) >= self._units[:2] * _MOVED).all())
 
+    def half_apart(self, bridges: FloatArray) -> FloatArray:
+        """Return what ties of sensing strips do, at heights over L: half of what two neighbours read apart, over Vref.
+
+        A bridge ties v_h of contacts below it, and v_l of contacts above it. Of each row, by its strip being the left
+        one of a pair and the right one (rows, channels, 2 * bridges).
+        """
+        (lower, *_), (upper, *_) = self._ends()
+        length, out = self.work.sensor.length_mm, []
+        row = np.full((len(self._poses), self.strips + 2), -1)
+        row[self._pose_of, self.strip + 1] = np.arange(len(self.strip))
+        expected = np.stack([read[self.place, self.strip] for read in self.work.k.values()], axis=1)
+        expected = expected - self._equations.left[:, :-1]
+        for side in (2, 0):
+            other = row[self._pose_of, self.strip + side]
+            half = np.where(other[:, None] >= 0, expected[other] - expected, 0.0) / 2.0
+            below = np.maximum(upper, upper[other])[:, None] < bridges * length
+            above = np.minimum(lower, lower[other])[:, None] > bridges * length
+            tied = np.stack([below if SIGNATURES[n].at_upper_end else above for n in self.work.k], axis=1)
+            out.append(half[:, :, None] * tied)
+        return np.concatenate(out, axis=2)
+
     def part(self, number: int, of: int) -> slice:
         """Return the places of a part of the recording."""
         return slice(len(self._poses) * number // of, len(self._poses) * (number + 1) // of)
@@ -170,18 +217,19 @@ class RigidContact:
         Parameters
         ----------
         change
-            By the working copy's rows, several terms (places, terms); the columns are (strips * terms).
+            Of each row and channel, several terms (rows, channels or 1, terms); the columns are (strips * terms).
         trusted
             A strip of which no reading loses weight as an outlier: what it does is its change.
         without
             Places that do not count.
         """
-        equations, terms = self._equations, change.shape[1]
+        equations, terms = self._equations, change.shape[2]
         weight = np.where((self.strip == trusted)[:, None], equations.most, equations.weight)
         counts = np.ones(len(self._poses))
         counts[without] = 0.0
         weight = weight * counts[self._pose_of, None]
-        changed = np.broadcast_to(change[self.place, None], (*weight.shape, terms))
+        changed = np.zeros((*weight.shape, terms))
+        changed[:, :-1] = change
         own = np.concatenate([equations.own, changed], axis=2)
         normal, right, _ = self._without_poses(replace(equations, own=own, weight=weight), 0.0)
         # Those of outline and constant errors, then those of the changes.
@@ -206,7 +254,8 @@ class RigidContact:
         most = np.array(_MOST_STEP) * self._units
         poses = self._poses + np.clip(eliminated(step), -most, most)
         outline = self._outline + step[corner].reshape(-1, 2)
-        constant = self._constant + step[len(corner) :].reshape(self._constant.shape)
+        constant = self._constant.copy()
+        constant[:, :, : self._free] += step[len(corner) :].reshape(self.strips, -1, self._free)
         return replace(self, _poses=poses, _outline=outline, _constant=constant)
 
     @property
@@ -221,15 +270,17 @@ class RigidContact:
         w = np.clip(u - l, 0.0, (1.0 - _FREE) * length)
         share, hats = sensing_share(sensor.sensing_ratio), (_hats(l / length), _hats(u / length))
         shape, left, blur = [], [], []
-        own = np.zeros((len(self.strip), channels, channels * _OWN))
+        free = self._free
+        own = np.zeros((len(self.strip), channels, channels * free))
         for channel, (name, read) in enumerate(self.work.k.items()):
             at_upper = SIGNATURES[name].at_upper_end
             numerator, d = fraction(l, w, length, share if at_upper else 0.0, 1.0 - share)
             k = numerator / d
             to_l, to_u = reading_jacobian(k, w, length, at_upper, sensor.sensing_ratio)
             uneven = length * (to_l[:, None] * hats[0] + to_u[:, None] * hats[1])
-            mine = np.column_stack([np.ones(len(k)), k - 0.5, uneven])
-            own[:, channel, channel * _OWN : (channel + 1) * _OWN] = mine
+            by_share = (at_upper - k) * w / d * (sensor.sensing_ratio > 0.0)
+            mine = np.column_stack([np.ones(len(k)), k - 0.5, by_share, length * to_l, length * to_u, uneven])
+            own[:, channel, channel * free : (channel + 1) * free] = mine[:, :free]
             error = np.sum(mine * self._constant[self.strip, channel], axis=1)
             left.append(read[self.place, self.strip] - k - error)
             shape.append(to_l[:, None] * lower + to_u[:, None] * upper)
@@ -237,8 +288,44 @@ class RigidContact:
         rest = np.stack(left, axis=1)
         sigma = max(float(robust_sigma(rest)), 0.5 * self.work.sigma)
         variance = 1.0 + np.stack(blur, axis=1) * (_BLURRED * sensor.pitch_mm / sigma) ** 2
-        weight = 1.0 / (variance + (rest / (_ROBUST * sigma)) ** 2)
-        return _Equations(np.stack(shape, axis=1), own, rest, weight, 1.0 / variance, sigma)
+        beside, by_sides, known = self._sides()
+        units = sigma / (_BESIDE * sensor.pitch_mm)
+        rest = np.column_stack([rest, units * beside])
+        most = np.column_stack([1.0 / variance, known])
+        weight = most / (1.0 + most * (rest / (_ROBUST * sigma)) ** 2)
+        return _Equations(
+            np.stack([*shape, units * by_sides], axis=1),
+            np.pad(own, ((0, 0), (0, 1), (0, 0))),
+            rest,
+            weight,
+            most,
+            sigma,
+        )
+
+    def _sides(self) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """Return how far the outermost strips that it touches are from where the outline ends (rows,) [mm].
+
+        Derivatives by pose and outline (rows, 3 + 2 V), and where that is known: on the outermost strip of a place, if
+        the next one is untouched and the outline's corner on the sensor.
+        """
+        sensor, outline, row = self.work.sensor, self._outline, np.arange(len(self.strip))
+        c, s = np.cos(self._poses[:, 2:]), np.sin(self._poses[:, 2:])
+        x, y = c * outline[:, 0] - s * outline[:, 1], s * outline[:, 0] + c * outline[:, 1]
+        off, known, by = np.zeros(len(row)), np.zeros(len(row), bool), np.zeros((len(row), 3 + outline.size))
+        there = np.pad(self.work.there, ((0, 0), (1, 1)), constant_values=True)[self.place]
+        for side, corner in ((0, x.argmin(axis=1)), (1, x.argmax(axis=1))):
+            pose, at = self._pose_of, corner[self._pose_of]
+            height = y[pose, at] + self._poses[pose, 1]
+            here = ~there[row, self.strip + 2 * side] & (height > 0.0) & (height < sensor.length_mm)
+            off[here] = ((self.strip + side) * sensor.pitch_mm - self._poses[pose, 0] - x[pose, at])[here]
+            by[here] = 0.0  # of a strip touched alone, the right side counts
+            by[here, 0], by[here, 2] = 1.0, -y[pose, at][here]
+            by[row[here], 3 + 2 * at[here]], by[row[here], 4 + 2 * at[here]] = (
+                c[pose[here], 0],
+                -s[pose[here], 0],
+            )
+            known |= here
+        return off, by, known
 
     def _ends(self) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
         """Return the lower and the upper end: y [mm], derivatives by pose and outline (rows, 3 + 2 V), the slope."""
@@ -295,7 +382,7 @@ class RigidContact:
         normal[np.ix_(shared, shared)] = np.tensordot(of_all, of_all, ((0, 1), (0, 1)))
         for strip in range(self.strips):
             at, rows = corners + strip * each + np.arange(each), slice(edges[strip], edges[strip + 1])
-            mine = own[rows].reshape(-1, each)
+            mine = own[rows].reshape((rows.stop - rows.start) * own.shape[1], each)
             normal[at[:, None], at] = mine.T @ mine
             product = of_all[rows].reshape(-1, len(shared)).T @ mine
             normal[shared[:, None], at], normal[at[:, None], shared] = product, product.T
@@ -314,25 +401,18 @@ class RigidContact:
             [by_shared[:, :, :-1], by_own.reshape(places, 3, -1), by_shared[:, :, -1:]], axis=2
         )
         loose = (self.sigma / (np.array(_STEPS[:3]) * self._units)) ** 2 * (damping + _LOOSE**-2)
-        if self._path is None:
-            inverse = np.linalg.inv(np.linalg.cholesky(blocks + np.diag(loose)))
-            reduced = (inverse @ cross).reshape(-1, many + 1)
-        else:
-            path = self._path.toarray()
-            bands = [
-                np.tensordot(path[:, : path.shape[1] - d] * path[:, d:], blocks, (0, 0))
-                for d in range(_ORDER)
-            ]
-            bands[0] = bands[0] + np.diag(loose)
-            root = cholesky_banded(_banded(bands), lower=True, check_finite=False)
-            cross = (self._path.T @ cross.reshape(places, -1)).reshape(-1, many + 1)
-            reduced = dtbtrs(root, cross, uplo="L")[0]
+        path = self._path.toarray()
+        bands = [
+            np.tensordot(path[:, : path.shape[1] - d] * path[:, d:], blocks, (0, 0)) for d in range(_ORDER)
+        ]
+        bands[0] = bands[0] + np.diag(loose)
+        root = cholesky_banded(_banded(bands), lower=True, check_finite=False)
+        cross = (self._path.T @ cross.reshape(places, -1)).reshape(-1, many + 1)
+        reduced = dtbtrs(root, cross, uplo="L")[0]
         normal -= reduced.T @ reduced
 
         def poses(step: FloatArray) -> FloatArray:
             right = reduced[:, -1:] - reduced[:, :-1] @ step[:, None]
-            if self._path is None:
-                return np.asarray(inverse.transpose(0, 2, 1) @ right.reshape(-1, 3, 1))[:, :, 0]
             return np.asarray(self._path @ dtbtrs(root, right, uplo="L", trans="T")[0].reshape(-1, 3))
 
         return normal[:-1, :-1], normal[:-1, -1], poses
@@ -344,11 +424,11 @@ class RigidContact:
             precision = variance * _BEND / (_SMOOTH * half) ** 2
             normal[i:corners:2, i:corners:2] += precision
             right[i:corners:2] -= precision @ self._outline[:, i]
-        own = np.tile(
-            variance / np.array([_OFFSET, _GAIN, *[_UNEVEN] * _KNOTS]) ** 2, self._constant.size // _OWN
-        )
+        constant = self._constant[:, :, : self._free]
+        deviation = np.array([_OFFSET, _GAIN, _SHARE, _EDGE, _EDGE, *[_UNEVEN] * _KNOTS])[: self._free]
+        own = np.tile(variance / deviation**2, constant.size // self._free)
         np.einsum("ii->i", normal)[corners:] += own
-        right[corners:] -= own * self._constant.ravel()
+        right[corners:] -= own * constant.ravel()
 
 
 def _usable(work: WorkingCopy) -> tuple[BoolArray, IntArray]:
@@ -365,8 +445,13 @@ def readings_joined(work: WorkingCopy) -> tuple[IntArray, IntArray]:
     return rows[at], strip
 
 
-def _smooth_path(time_s: FloatArray) -> sparse.csr_matrix:
-    """Return cubic splines over time (places,) [s], of each stay of the contact (places, numbers)."""
+def _smooth_path(
+    time_s: FloatArray, poses: FloatArray, places_a_knot: int
+) -> tuple[sparse.csr_matrix, FloatArray]:
+    """Return cubic splines over time (places,) [s], of each stay of the contact (places, numbers), nearest to poses.
+
+    And the poses (places, 3) that they give.
+    """
     step = np.diff(time_s)
     parts = []
     for stay in np.split(time_s, np.flatnonzero((step > _PAUSE * np.median(step)) | (step < 0.0)) + 1):
@@ -376,9 +461,10 @@ def _smooth_path(time_s: FloatArray) -> sparse.csr_matrix:
             continue
         along = stay if (np.diff(stay) > 0.0).all() else number
         # Places lie between any two knots.
-        knots = np.interp(np.linspace(0.0, number[-1], len(stay) // _PLACES_A_KNOT + 1), number, along)
+        knots = np.interp(np.linspace(0.0, number[-1], len(stay) // places_a_knot + 1), number, along)
         parts.append(BSpline.design_matrix(along, np.pad(knots, _ORDER - 1, "edge"), _ORDER - 1))
-    return sparse.block_diag(parts, "csr")
+    path = sparse.block_diag(parts, "csr")
+    return path, path @ sparse.linalg.spsolve((path.T @ path).tocsc(), path.T @ poses)
 
 
 def _stays(work: WorkingCopy, rows: IntArray) -> bool:

@@ -12,6 +12,7 @@ from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.diagnose.bend_model import BendModel
 from tacstrip.diagnose.neighbour_prediction import Suspect, WorkingCopy
 from tacstrip.diagnose.regression import most_of, moved_to_and_fro, passes, repeats
+from tacstrip.diagnose.rigid_contact import RigidContact
 from tacstrip.sensor.constructions import SIGNATURES
 
 _HEIGHTS = np.linspace(0.25, 1.0, 6)  # over L, at which a bridge is looked for: of contacts on one side of it
@@ -44,6 +45,10 @@ _LEAST = 0.005  # over Vref: standard deviation of what a bridge adds
 _HIGH_AND_LOW = 0.5  # over L: a bridge adds on one side and takes away on the other, which must be seen
 _LENGTH = 0.6  # over L: readings jump by the contact's length at a bridge; longer contacts show nothing
 _GRID = np.linspace(0.0, 1.0, 11)
+# Against one rigid outline under all strips: gain, times other pairs', and of its power, what is not confounded.
+_BRIDGES, _QUARTERS = np.linspace(0.0, 1.0, 7), 4  # over L; of the recording
+_GAIN_TIED, _TIMES_TIED, _KNOWN_TIED = 80.0, 4.0, 0.15
+_GAIN_IN_QUARTERS, _TIMES_IN_QUARTERS = 20.0, 2.0
 _PLACES = np.array([(a, b) for i, a in enumerate(_GRID) for b in _GRID[i:] if b - a <= _LENGTH]).T
 
 
@@ -60,6 +65,50 @@ def shorts(work: WorkingCopy) -> Iterator[Suspect]:
         return
     held = list(_held_by_a_bridge(work))
     yield from held or _not_repeated(work, _bridged_energised(work))
+
+
+def tied_under_outline(work: WorkingCopy) -> Suspect | None:
+    """Return the pair of sensing strips that is tied, by what one rigid outline under all strips expects of the two.
+
+    Fits that begin on either half of the places have to blame it, and, unless it is doubtful, without any quarter.
+    """
+    suspects: list[tuple[int, Suspect]] = []
+    for part in range(2):
+        if (model := RigidContact.of(work, part)) is None:
+            return None
+        pair, bridge, others = _tied_pair(model, slice(0, 0))
+        if bridge.gain <= max(_GAIN_TIED, _TIMES_TIED * others):
+            return None
+        stands = True
+        for quarter in range(_QUARTERS):
+            other, left, usual = _tied_pair(model, model.part(quarter, _QUARTERS))
+            stands &= other == pair and left.gain > max(_GAIN_IN_QUARTERS, _TIMES_IN_QUARTERS * usual)
+        evidence = (
+            f"{bridge.strength:.2g} times as flat as one conductor, against one rigid contact under all strips, "
+            f"{_held_against(bridge, max(others, 1.0))}"
+        )
+        suspect = work.suspect("short", [pair, pair + 1], evidence, {"gain": bridge.gain}, bridge.gain)
+        suspects.append((pair, replace(suspect, doubtful=not stands)))
+    (one, suspect), (two, also) = suspects
+    return replace(suspect, doubtful=suspect.doubtful or also.doubtful) if one == two else None
+
+
+def _tied_pair(model: RigidContact, without: slice) -> tuple[int, _Bridge, float]:
+    """Return the pair whose tie explains most beyond an outline without some places, it, and what others explain."""
+    many = len(_BRIDGES)
+    found = model.explain(model.half_apart(_BRIDGES), without=without)
+    score = found.score.reshape(-1, 2, many)
+    alone = np.diag(found.whole).reshape(-1, 2, many)
+    reduced = found.reduced.reshape(-1, *score.shape)
+    whole, score = (v[:-1, 0] + v[1:, 1] for v in (alone, score))
+    power = whole - np.sum((reduced[:, :-1, 0] + reduced[:, 1:, 1]) ** 2, axis=0)
+    strength = np.where(power > _KNOWN_TIED * whole, score / np.maximum(power, 1e-12), 0.0)
+    usual = (strength > _LEAST_BENT) & (strength < _STRENGTH[1])
+    gain = np.where(strength > 0.0, strength * score, 0.0) / model.sigma**2
+    pair, which = np.unravel_index(np.argmax(np.where(usual, gain, 0.0)), gain.shape)
+    apart = np.abs(np.arange(len(gain)) - pair) > 1
+    bridge = _Bridge(float(strength[pair, which]), float((gain * usual)[pair, which]), int(which))
+    return int(pair), bridge, float(gain[apart].max(initial=0.0))
 
 
 def _not_repeated(work: WorkingCopy, found: Iterator[tuple[int, Suspect]]) -> Iterator[Suspect]:
