@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +20,7 @@ from tacstrip.arrays import FloatArray, plain
 from tacstrip.cli import cli
 from tacstrip.cli.track import _line
 from tacstrip.core.binding import exported
-from tacstrip.core.rigid import RigidScans, descend, linearised, loss
+from tacstrip.core.rigid import RigidScans, descend, fit_poses, linearised, loss
 from tacstrip.geometry.moments import moments
 from tacstrip.geometry.pose import placed
 from tacstrip.plot.tracks import track_figure
@@ -32,6 +33,7 @@ from tacstrip.tracking.rigid.covariance import (
     information,
     joint_bound,
     rigid_motions,
+    shared_by_strips,
     without_poses,
 )
 from tacstrip.tracking.rigid.found import Found
@@ -40,6 +42,7 @@ from tacstrip.tracking.rigid.rivals import beside_rivals, poses_beside_rivals
 from tacstrip.tracking.rigid.search import _compared, freer_spline, likelier
 from tacstrip.tracking.rigid.smooth_path import fit_corners, one_after_another, radii_of, spline_basis
 from tacstrip.tracking.rigid.strain import strain_gain
+from tacstrip.tracking.scan_noise import correlation_of_strips, noise_between_scans
 from tacstrip.tracking.summary import less_than_half_turns
 
 NOISE = ts.Noise(positional=0.005)
@@ -134,8 +137,8 @@ def test_a_disc_whose_noise_is_larger_than_given_is_no_polygon() -> None:
     outline = 17.8 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     scans = pressed(sensor, outline, sliding(50), NOISE, 1)
     (one,) = ts.track(scans, sensor, replace(NOISE, positional=0.85 * NOISE.positional))
-    assert (one.status, one.kind) == ("doubtful", "disc")
-    assert "is the noise larger than given" in one.advice
+    assert (one.status, one.kind) == ("likely", "disc")
+    assert "times as noisy as given" in one.advice
 
 
 def test_regions_of_corners_and_poses_hold_the_truth() -> None:
@@ -376,6 +379,52 @@ def test_noise_that_is_not_given_is_found() -> None:
     (one,) = ts.track(pressed(sensor, CORNERS, sliding(30), ts.Noise(positional=0.001)), sensor)
     assert (one.status, len(one.outline)) == ("ok", 5)
     assert distance(one.outline, CORNERS) < 0.1
+
+
+def test_noise_that_is_larger_than_given_is_found_and_said() -> None:
+    """It was called a body that deforms."""
+    sensor = ten_strips()
+    scans = pressed(sensor, CORNERS, sliding(30), NOISE)
+    (one,) = ts.track(scans, sensor, replace(NOISE, positional=0.5 * NOISE.positional))
+    assert (one.status, len(one.outline)) == ("likely", 5)
+    times = re.search(r"([0-9.]+) times as noisy as given", one.advice)
+    assert times is not None
+    assert abs(float(times[1]) - 2.0) < 0.2
+    (given,) = ts.track(scans, sensor, NOISE)
+    assert one.covariance is not None
+    assert given.covariance is not None
+    assert 0.7 < np.trace(one.covariance) / np.trace(given.covariance) < 1.5
+
+
+def test_scans_show_their_noise_whatever_moves_smoothly() -> None:
+    random, t = np.random.default_rng(1), np.arange(80)[:, None, None]
+    smooth = 0.5 + 0.3 * np.sin(0.1 * t + np.arange(6))  # by up to .03 a scan
+    noisy = smooth + random.normal(0.0, 0.004, (80, 2, 6))
+    noisy[40:, :, 3] += 0.2  # a jump
+    sigma, unsure = noise_between_scans(noisy)
+    assert abs(sigma / 0.004 - 1.0) < unsure < 0.1
+    assert noise_between_scans(noisy[:7])[0] == math.inf
+
+
+def test_errors_that_neighbouring_strips_share_are_seen_and_widen_the_poses_regions() -> None:
+    """Poses take such errors up: what least squares says of them is too little, and what it leaves over looks sound."""
+    random, correlation, sigma = np.random.default_rng(2), 0.5, 0.003
+    sensor, poses = ten_strips(), sliding(120)
+    read = pressed(sensor, CORNERS, poses, ts.Noise())
+    k = np.stack([np.stack([scan[name] for name in ("kh", "kl")]) for scan in read])
+    errors = random.normal(size=k.shape)
+    for i in range(1, errors.shape[2]):
+        errors[..., i] = correlation * errors[..., i - 1] + math.sqrt(1.0 - correlation**2) * errors[..., i]
+    scans = RigidScans(sensor, ("kh", "kl"), k + sigma * errors, sigma)
+    off = fit_poses(scans, CORNERS, poses[:, None], loss(scans))[0][:, 0] - poses
+    own = np.linalg.inv(information(scans, CORNERS, poses).pose)
+    wider = own + shared_by_strips(scans, CORNERS, poses, correlation)
+    held = [np.mean(np.einsum("ti,tij,tj->t", off, np.linalg.inv(c), off) < 7.81) for c in (own, wider)]
+    assert held[0] < 0.9 < held[1] < 0.98
+    still = 0.5 + sigma * errors
+    assert correlation_of_strips(still, sigma) == pytest.approx(correlation, abs=0.15)
+    assert correlation_of_strips(still[:, :, ::3], sigma) == 0.0
+    assert correlation_of_strips(still, 0.3 * sigma) == 0.0  # then it is the object that moves
 
 
 def test_a_shape_that_is_pressed_again_keeps_its_number() -> None:

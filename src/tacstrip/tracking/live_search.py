@@ -117,7 +117,7 @@ def find_shape(contact: Contact) -> KnownShape | None:
     lag = FixedLag(
         contact.sensor,
         contact.names,
-        one.scans.sigma,
+        one.scans.sigma * one.noise_found(contact.sigma),
         placed(track.outline, frame),
         contact.lag,
         contact.distribution,

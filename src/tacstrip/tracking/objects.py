@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -63,6 +64,27 @@ class Object:
     def explained(self, distribution: str) -> bool:
         """Whether a rigid outline explains its scans."""
         return self.curve is not None or content(self.scans, self.found.fit, distribution)
+
+    def within_noise(self, distribution: str) -> bool:
+        """Whether what it leaves of its scans is noise: a curve may leave more and be believed."""
+        if self.curve is not None:
+            return self.curve.explains(self.scans, distribution)
+        return content(self.scans, self.found.fit, distribution)
+
+    @property
+    def judged_fit(self) -> Fit:
+        """That of the curve, or of the polygon."""
+        return self.found.fit if self.curve is None else self.curve.fit
+
+    @property
+    def left_over(self) -> float:
+        """Deviation of what it leaves of its readings [Vref]."""
+        freedom = (self.curve or self.found.fit).freedom(self.scans)
+        return self.scans.sigma * math.sqrt(self.judged_fit.cost / freedom)
+
+    def noise_found(self, given: float | None) -> float:
+        """Return what it leaves of its readings over sigma, where that was not given but roughly found; else 1."""
+        return 1.0 if given == self.scans.sigma else self.left_over / self.scans.sigma
 
     @property
     def places(self) -> set[tuple[int, int]]:

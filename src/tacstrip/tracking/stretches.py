@@ -12,16 +12,19 @@ from tacstrip.core.rigid import RigidScans
 from tacstrip.tracking.episodes import Episode
 from tacstrip.tracking.objects import GUESS, Object, Readings
 from tacstrip.tracking.rigid.corners import posed
+from tacstrip.tracking.rigid.covariance import following
 from tacstrip.tracking.rigid.curved import rigid_curve
 from tacstrip.tracking.rigid.found import Found, content, with_all_poses
 from tacstrip.tracking.rigid.offsets import taken_off
 from tacstrip.tracking.rigid.recognition import recognised, recognised_on_path
 from tacstrip.tracking.rigid.search import compared_again, counted_among_followers, search
+from tacstrip.tracking.scan_noise import SURE, noise_between_scans
 from tacstrip.tracking.strays import set_aside, strays_from_fit
 
 FEWEST = 5  # scans of one stretch that a shape is searched in
 MOST = 200  # scans that a shape is fitted to; the others only have their poses fitted
 _CEILING = 0.02 / math.sqrt(3.0)  # of sigma that is not known [Vref]
+_ROUGHLY = 1.7  # times the noise that scans show, either way: what a search by smaller noise leaves
 _ALIKE = 1.25  # times a guess of sigma: found again, it is believed
 _ROUNDS = 3  # of finding sigma
 _CLEANED = 2  # further searches, each without the readings that stray
@@ -46,8 +49,10 @@ def searched(
         level = begun.starts.scans.sigma
     every = RigidScans(read.skin.laid_out, read.names, episode.readings(read.k, read.skin.span), level)
     best = one = _searched(episode, every, read, offsets=offsets, thorough=thorough, begun=begun)
-    if read.sigma and best.explained(read.distribution):
+    if read.sigma and best.within_noise(read.distribution):
         return best
+    if read.sigma and (louder := _louder(episode, best, read, offsets=offsets, thorough=thorough)):
+        return louder
     kept = episode.readings(read.without_strays, read.skin.span)
     for _ in range(_CLEANED):
         kept = set_aside(kept, strays_from_fit(one.scans, one.found.fit))
@@ -57,6 +62,25 @@ def searched(
         if one.explained(read.distribution) and (read.sigma or one.scans.sigma < best.scans.sigma / _ALIKE):
             return one
     return best
+
+
+def _louder(episode: Episode, one: Object, read: Readings, *, offsets: bool, thorough: bool) -> Object | None:
+    """Return the object of readings whose noise is larger than given, as they show by themselves; else None.
+
+    What a rigid outline leaves of them is no more than that, and does not follow from scan to scan as what a body
+    leaves does that moves smoothly and deforms.
+    """
+    every = replace(one.scans, k=episode.readings(read.k, read.skin.span))
+    shown, unsure = noise_between_scans(every.k)
+    larger = math.sqrt(1.0 + SURE * unsure)
+    if shown < larger * every.sigma or not shown / _ROUGHLY < one.left_over < _ROUGHLY * shown:
+        return None
+    unknown = replace(read, sigma=None)
+    one = _searched(episode, every.with_sigma(shown), unknown, offsets=offsets, thorough=thorough)
+    fit = one.judged_fit
+    white = following(one.scans, fit.corners, fit.poses) == 1.0
+    explained = one.left_over < larger * shown and one.within_noise(read.distribution)
+    return one if white and explained else None
 
 
 def _searched(

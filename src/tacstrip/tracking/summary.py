@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.contact.noise import Noise
 from tacstrip.geometry.moments import area
 from tacstrip.geometry.pose import placed
@@ -19,7 +19,7 @@ from tacstrip.tracking.episodes import Episode
 from tacstrip.tracking.objects import TOLD, Object, Readings, Skin
 from tacstrip.tracking.result import Track
 from tacstrip.tracking.rigid.corners import FIRST, Fit, explained, posed, reflex
-from tacstrip.tracking.rigid.covariance import covariances, following, information
+from tacstrip.tracking.rigid.covariance import covariances, following, information, shared_by_strips
 from tacstrip.tracking.rigid.curved import DISC, ROUNDED, RigidCurve
 from tacstrip.tracking.rigid.found import content
 from tacstrip.tracking.rigid.offsets import not_ruled_out, with_offsets
@@ -27,6 +27,7 @@ from tacstrip.tracking.rigid.posterior import scatter
 from tacstrip.tracking.rigid.rivals import beside_rivals, poses_beside_rivals, with_a_corner_cut
 from tacstrip.tracking.rigid.search import FEW_STRIPS, LEAST_STRIPS, freer_spline
 from tacstrip.tracking.rigid.strain import strain_gain
+from tacstrip.tracking.scan_noise import correlation_of_strips
 from tacstrip.tracking.single_scans import SingleScans
 
 _OF_SIZE = 0.01  # beside TOLD: of the outline's extent, and ...
@@ -89,6 +90,10 @@ _WANDERS = (
     "errors of channels follow each other from scan to scan: many scans are worth fewer, and a corner may be made of "
     "such errors; regions of the shape are {times:.2g} times as wide. Calibrate, or let the unit warm up"
 )
+_LOUDER = (
+    "the readings are {times:.3g} times as noisy as given, from scan to scan and about a rigid outline alike: regions "
+    "are of that noise"
+)
 _STRAYS = "{n} of {total} readings do not fit the others and were left out ({named}): run the doctor if that goes on"
 _SHORT = "{n} scans show it, too few for a shape over time: the outline is that of the scan that tells most"
 _LOOKS_ALIKE = "another that it shared strips with looks like it: after they parted each may be the other"
@@ -113,8 +118,10 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
     shape, of_poses = covariances(equations, corners, fit.poses, freer_spline(fit.basis))
     order = np.argsort(one.shown)
     wider = following(one.scans.of(order), corners, fit.poses[order])
+    found_noise = one.noise_found(read.sigma) ** 2
     of_poses = poses_beside_rivals(one.scans, one.found, of_poses)
-    shape = wider**2 * beside_rivals(one.scans, one.found, shape, deviation)
+    of_poses = found_noise * (of_poses + _shared_by_strips(one, fit, order))
+    shape = found_noise * wider**2 * beside_rivals(one.scans, one.found, shape, deviation)
     if offsets and fit.basis is None and one.scans.strips_touched < FEW_STRIPS:
         shape *= _KINKED
     all_spin = np.kron(np.eye(len(corners)), spin.T)
@@ -179,7 +186,9 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
 def _curve_over_time(one: Object, curve: RigidCurve, total: int, read: Readings) -> Track:
     """Return what is known of a curved object: a disc has no angle, and half a turn is none of an ellipse."""
     skin, order, fit = read.skin, np.argsort(one.shown), curve.fit
+    found_noise = one.noise_found(read.sigma) ** 2
     shape, of_poses = curve.covariances(one.scans, one.found.offsets)
+    shape, of_poses = found_noise * shape, found_noise * (of_poses + _shared_by_strips(one, fit, order))
     wider = following(one.scans.of(order), fit.corners, fit.poses[order])
     turns = fit.poses[order, 2]
     turns = (
@@ -212,10 +221,20 @@ def _curve_over_time(one: Object, curve: RigidCurve, total: int, read: Readings)
     )  # fmt: skip
 
 
+def _shared_by_strips(one: Object, fit: Fit, order: IntArray) -> FloatArray:
+    """Return what errors that neighbouring strips share add to the covariances of free poses (T, 3, 3)."""
+    correlation = 0.0 if fit.basis is not None else correlation_of_strips(one.scans.k[order], one.left_over)
+    if not correlation:
+        return np.zeros((len(fit.poses), 3, 3))
+    return shared_by_strips(one.scans, fit.corners, fit.poses, correlation)
+
+
 def _judged(advice: str, notes: list[str], one: Object, read: Readings) -> tuple[Status, str]:
     """Return the status, and in words what makes it so, with readings that were set aside."""
     strays, many = _strays(one, read)
-    note = "; ".join(filter(None, [*notes, strays * many]))
+    louder = one.left_over / read.sigma if read.sigma and one.scans.sigma > read.sigma else 1.0
+    said = [_LOUDER.format(times=louder)] * (louder > 1.0)
+    note = "; ".join(filter(None, [*notes, *said, strays * many]))
     status: Status = "doubtful" if advice else "likely" if note else "ok"
     return status, "; ".join(filter(None, [advice or note, "" if many else strays]))
 

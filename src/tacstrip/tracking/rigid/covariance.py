@@ -144,6 +144,26 @@ def following(scans: RigidScans, corners: FloatArray, poses: FloatArray) -> floa
     return float(np.sqrt(1.0 + 2.0 * alike))
 
 
+def shared_by_strips(
+    scans: RigidScans, corners: FloatArray, poses: FloatArray, correlation: float
+) -> FloatArray:
+    """Return what errors that neighbouring strips share add to the covariances of poses (T, 3, 3), the corners known.
+
+    The poses are those of least squares, which takes errors for independent; from strip to strip they are correlated,
+    from one to the next but one by the square of that, and so on.
+    """
+    added = np.zeros((len(poses), 3, 3))
+    for some, part, here in linearised_blocks(scans, corners, poses):
+        rows = here.rows.reshape(*part.k.shape, -1)[..., :3] / scans.sigma
+        there = np.isfinite(part.k) & (np.abs(rows[..., 0]) <= UPRIGHT / scans.sensor.length_mm / scans.sigma)
+        rows = np.where(there[..., None], rows, 0.0)
+        own = np.linalg.pinv(np.einsum("tsip,tsiq->tpq", rows, rows), hermitian=True)
+        for lag in range(1, rows.shape[2]):
+            both = correlation**lag * np.einsum("tsip,tsiq->tpq", rows[:, :, lag:], rows[:, :, :-lag])
+            added[some] += own @ (both + both.transpose(0, 2, 1)) @ own
+    return added
+
+
 def joint_bound(
     sensor: Sensor, corners: FloatArray, scans: int, slide_mm: float, turn: float, sigma: float
 ) -> FloatArray:
