@@ -86,7 +86,7 @@ def _filled(line: Line, main: tuple[str, ...]) -> Line:
     void = _UNTOUCHED.search(rest) or any(map(says_nothing, said))
     # With as many values, or a word of an end, it is of a reading that others have, too.
     short = len(form) < len(main) and not any(meaning(w).channel for w in re.findall(r"[^\W\d_]+", rest))
-    if len(said) > 1 and all(map(says_nothing, said)):
+    if said and all(map(says_nothing, said)):
         return line  # a row of marks
     if same < _LABELLED or re.search(r"\d", rest) or not (void and short):
         return line

@@ -83,8 +83,8 @@ def scans(table: Table, mapping: ColumnMapping, dropped: list[int] | None = None
         )
     table = table.where(mapping.only)
     _check_digits(table, mapping)
-    if is_newest_first(table, mapping):
-        table = _oldest_first(table, mapping)
+    sort = _oldest_first if is_newest_first(table, mapping) else _by_number
+    table = sort(table, mapping)
     ordered, times = _in_order(table, _times(table, mapping), mapping)
     found = list(_scans(ordered, times, mapping, [] if dropped is None else dropped, ordered is not table))
     if not found:
@@ -204,6 +204,18 @@ def _oldest_first(table: Table, mapping: ColumnMapping) -> Table:
         len({*times.tolist()}) < len(times) and mapping.strip
     ):  # where strips fall within a scan, these are backwards, too
         order = np.arange(len(times))[::-1] if _strips_fall(table, mapping, times) else order
+    return replace(table, rows=[table.rows[n] for n in order], lines=[table.lines[n] for n in order])
+
+
+def _by_number(table: Table, mapping: ColumnMapping) -> Table:
+    """Return rows in the order of their scans' numbers, where lines of several scans stand among each other."""
+    numbers = [number_of(f, table.decimal) for f in table.column(mapping.scan)] if mapping.scan else [None]
+    columns = [table.column(n) for n in (mapping.scan, mapping.strip, mapping.which) if n]
+    if None in numbers or not mapping.time or len({*zip(*columns, strict=True)}) < len(table.rows):
+        return table
+    order = np.argsort(np.array(numbers, dtype=float), kind="stable")
+    if (np.diff(raw_times(table, mapping)[order]) < 0.0).any():  # as where a counter begins anew
+        return table
     return replace(table, rows=[table.rows[n] for n in order], lines=[table.lines[n] for n in order])
 
 

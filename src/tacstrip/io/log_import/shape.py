@@ -16,7 +16,13 @@ from tacstrip.io.log_import.clocks import (
     of_two_numbers,
     of_unknown_name,
 )
-from tacstrip.io.log_import.fields import array_of, clock_seconds, number_of, quantity, says_nothing
+from tacstrip.io.log_import.fields import (
+    array_of,
+    clock_seconds,
+    number_of,
+    quantity,
+    says_nothing,
+)
 from tacstrip.io.log_import.names import (
     CHANNELS,
     IN_VOLTS,
@@ -33,6 +39,8 @@ _ARRAYS = 0.5  # of a column's fields that say something: then it is one of arra
 _UNITS_COLUMN = re.compile(
     r"(?:\w+[ _.])?(?:units?|einheit(?:en)?|unit\u00e9s?|unidad|unit\u00e0)(?:[ _.]\w+)?", re.I
 )
+_VALUE = r"([-+]?\d+(?:[.,]\d+)?(?: ?m?V)?)"
+_PAIR = re.compile(rf"[\[(<]?{_VALUE}(\s*[/|:;~&]\s*|\s+)(?:{_VALUE})[\])>]?")  # of the two ends
 _FEW_KEYS, _SHOWN = 3, 5  # names of strips in a column; lines that are quoted
 _FEW_BLANKS = 0.25  # of the rows: where more have no time, cells are merged
 
@@ -87,8 +95,8 @@ def _spread(table: Table) -> Table:
     told = []
     for name in table.names:
         fields = table.column(name)
-        arrays = [array_of(f) for f in fields] if any(f[:1] in ("[", "(") for f in fields) else []
-        said = [a for a, f in zip(arrays, fields, strict=False) if f]
+        arrays = [array_of(f) for f in fields] if any(f[:1] in ("[", "(") for f in fields) else _pairs(fields)
+        said = [a for a, f in zip(arrays, fields, strict=False) if not says_nothing(f)]
         if not said or sum(a is not None for a in said) < _ARRAYS * len(said):
             columns[name] = fields
             continue
@@ -99,6 +107,26 @@ def _spread(table: Table) -> Table:
     if not told:
         return table
     return table.with_columns(columns, *told)
+
+
+def _pairs(fields: list[str]) -> list[list[str] | None]:
+    """Return fields such as "2.51 / 1.80" as pairs, if all that say something are; else none.
+
+    Examples
+    --------
+    >>> _pairs(["--", "2.51 / 1.80"]), _pairs(["3/4/2026"]), _pairs(["12:05", "-"])
+    ([None, ['2.51', '1.80']], [], [])
+    """
+    found = [_PAIR.fullmatch(f) for f in fields]
+    there = [m for m, f in zip(found, fields, strict=True) if not says_nothing(f)]
+    if (
+        not there
+        or None in there
+        or len({m[2].strip() for m in there if m}) > 1
+        or any(clock_seconds(f) is not None for f in fields)
+    ):
+        return []
+    return [[m[1], m[3]] if m else None for m in found]
 
 
 def _without_units(table: Table) -> Table:
