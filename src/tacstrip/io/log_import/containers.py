@@ -26,6 +26,7 @@ from tacstrip.io.log_import.arrays import of_arrays
 from tacstrip.io.log_import.decoding import decoded
 from tacstrip.io.log_import.headed import decimal_mark, headed
 from tacstrip.io.log_import.names import meanings
+from tacstrip.io.log_import.relations import joined
 from tacstrip.io.log_import.shape import in_normal_form
 from tacstrip.io.log_import.sheets import numbered_scans, of_scans, of_two_channels
 from tacstrip.io.log_import.table import Table, text_of
@@ -228,7 +229,7 @@ def _of_workbook(file: Path, sheets: dict[str, list[list[Any]]], name: str | Non
     read = [title for title, table in tables.items() if table.named and table.rows and _holds_readings(table)]
     read = [title for title in read if _names_strips(tables[title])] or read or [*tables]
     kept = {title: tables[title] for title in read}
-    if both := of_two_channels(kept):
+    if both := of_two_channels(kept) or joined(tables):
         return both
     one = of_scans(kept) if len(kept) > 1 else None
     if one is not None and (name == ALL or numbered_scans(read)):

@@ -14,7 +14,7 @@ import numpy as np
 
 from tacstrip.errors import OptionError, ReadingError
 from tacstrip.io.log_import import conversion, no_contact, time_unit, units
-from tacstrip.io.log_import.broken import hold_readings, settle_broken
+from tacstrip.io.log_import.broken import hold_readings, of_other_kinds, settle_broken
 from tacstrip.io.log_import.changes import ask_for_notes
 from tacstrip.io.log_import.channel_lines import inputs_as_columns
 from tacstrip.io.log_import.columns import Columns, find_columns
@@ -565,6 +565,9 @@ def _broken(clues: Clues) -> str:
         + (", ..." if len(broken) > 5 else "")
         + _quote(clues.table, broken[0])
     )
+    if "broken_lines" not in clues.answers and of_other_kinds(clues.table, broken):
+        clues.doubt(f"line(s) {shown} and those like it are of another kind than the readings: passed over")
+        return "skip"
     if len(broken) > _FEW_BROKEN and len(broken) >= _MOST_BROKEN * (len(broken) + len(clues.table.rows)):
         raise NoTableError(
             f"line(s) {shown} are not like the others, and they are {len(broken)} beside {len(clues.table.rows)} that "
@@ -643,7 +646,7 @@ def _only_touched(table: Table, mapping: ColumnMapping, rough: list[LogScan]) ->
             int(np.isfinite(s.values).sum()) for s in rough
         )
     else:
-        listed = len(table.rows) - len(table.empty) if mapping.strip and not table.absent else 0
+        listed = sum(i not in table.empty for i in table.lines) if mapping.strip and not table.absent else 0
         touched = int(there.sum()) * (2 if mapping.which else 1) == listed
     side_by_side = all(row[np.argmax(row) :][: row.sum()].all() for row in there)
     # Of the same strips always, and most of all, the others may not be logged.

@@ -382,7 +382,8 @@ def _of_tokens(tokens: list[str], unit: str) -> Meaning:
     pair = pair - {"u"} if len(pair) > 1 else pair  # a voltage, as in U_oben
     if len(pair) == 1 and not (words == ["a"] and strip is not None):  # A3 is an analog pin
         return replace(read, channel=pair.pop(), strip=strip)
-    if strip is not None or named & _VALUE:
+    of_unit = all(w in _LAST and UNITS[w] in READING_UNITS for w in words)  # as a column "mv"
+    if strip is not None or named & _VALUE or of_unit:
         return replace(read, strip=strip)
     return Meaning("which") if named & _WHICH else Meaning("")
 

@@ -317,7 +317,7 @@ def _scans(
         again = any((strip, end) in seen for _, _, strip, end in targets)
         twice = again and strips and mapping.strips > 1 and strips[n] == strips[last] and len(seen) > 1
         if scan is not None and not table.empty.isdisjoint((line, table.lines[last])):
-            new = True
+            new = line != table.lines[last]
         elif number is not None and scan is not None:
             new = number[n] != number[last]
         elif by_time and times is not None and scan is not None:

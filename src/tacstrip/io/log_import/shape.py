@@ -55,7 +55,7 @@ def in_normal_form(table: Table) -> Table:
         _without_empty, of_several_scans, of_clock_parts, of_day_and_clock, of_one_clock, of_unknown_name,
         of_two_numbers,
         transposed, _spread, upright, _without_units, _of_strips_only, _of_unit_column, _in_one_unit, _split_keys,
-        _filled, _without_index,
+        _of_nothing, _filled, _without_index,
     )  # fmt: skip
     for step in steps:
         table = step(table) if table.rows else table
@@ -222,6 +222,25 @@ def _of_unit_column(table: Table) -> Table:
             ]
         columns[f"{name} [{unit}]" if name in readings else name] = fields
     return table.with_columns(columns, f"{named[0]}: the readings are in {' and '.join(sorted(units))}")
+
+
+def _of_nothing(table: Table) -> Table:
+    """Return rows of a scan that names no strip, in a log of a line per strip, as of one without contact."""
+    known = meanings(table.names)
+    strips = [n for n, m in known.items() if m.role == "strip"]
+    read = [n for n, m in known.items() if m.role == "reading"]
+    if len(strips) != 1 or not read:
+        return table
+    columns = [table.column(n) for n in (*strips, *read)]
+    void = {n for n, fields in enumerate(zip(*columns, strict=True)) if not any(fields)}
+    void = {n for n in void if any(table.rows[n])}
+    if not void or 2 * len(void) > len(table.rows):
+        return table
+    shown = next(f for f in columns[0] if f)
+    filled = [shown if n in void else f for n, f in enumerate(columns[0])]
+    told = f"{len(void)} scan(s) without a strip: nothing touches in them"
+    table = table.with_columns({n: filled if n == strips[0] else table.column(n) for n in table.names}, told)
+    return replace(table, empty=table.empty | {table.lines[n] for n in void})
 
 
 def _split_keys(table: Table) -> Table:

@@ -36,17 +36,18 @@ from tacstrip.io.log_import.fields import is_prose
 from tacstrip.io.log_import.gathered import named_values
 from tacstrip.io.log_import.groups import of_groups
 from tacstrip.io.log_import.hexbytes import of_hex_bytes
-from tacstrip.io.log_import.json_records import of_literals
+from tacstrip.io.log_import.json_records import columns_within, of_literals
 from tacstrip.io.log_import.labels import with_labels
 from tacstrip.io.log_import.literals import one_page, unwrapped
 from tacstrip.io.log_import.mail import without_mail
-from tacstrip.io.log_import.markup import plain_rows
+from tacstrip.io.log_import.markup import dumped_tables, plain_rows
 from tacstrip.io.log_import.nested import documents
 from tacstrip.io.log_import.owners import with_owners
 from tacstrip.io.log_import.pandas_print import of_pandas
 from tacstrip.io.log_import.prints import of_displayed_scans
 from tacstrip.io.log_import.records import STEADY
 from tacstrip.io.log_import.registers import with_registers
+from tacstrip.io.log_import.relations import joined
 from tacstrip.io.log_import.repeated import with_values_of_nothing
 from tacstrip.io.log_import.runs import of_runs
 from tacstrip.io.log_import.sections import in_one_table
@@ -160,6 +161,8 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     """Return a text as a table in normal form, as if some of its lines were not there."""
     if (dumped := of_hex_bytes(without(text, strays))) is not None:
         return in_normal_form(dumped)
+    if (related := _of_relations(without(text, strays))) is not None:
+        return in_normal_form(related)
     text = without_boxes(of_system_log(_FORTRAN.sub(r"\1E\2", _SCALAR.sub(r"\1", text))))
     text, bounds = _BOUND.subn(r"\1", without_thousands(_THOUSANDS.sub("", of_pandas(without(text, strays)))))
     whole = _COLOUR.sub("", plain_rows(of_displayed_scans(without(text, strays)).translate(_HALF_WIDTH)))
@@ -219,13 +222,28 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     return in_normal_form(table)
 
 
+def _of_relations(text: str) -> Table | None:
+    """Return a dump of a database as the table of its readings, with the times of the table that these refer to."""
+    dumped = dumped_tables(text)
+    tables = {
+        n: Table(tuple(names), [r for r in rows if len(r) == len(names)], [*range(1, len(rows) + 1)])
+        for n, (names, *rows) in dumped.items() if all(len(r) == len(names) for r in rows)
+    }  # fmt: skip
+    return joined(tables) if len(tables) > 1 else None
+
+
 def _of_nested(text: str) -> Table | None:
     """Return a text of nested records as a table; None where it is none, or holds lines of another form beside them."""
     found, around = documents(text)
     if not found:
         found, around = yaml_documents(text)
     odd = [line for _, line in around if re.search(r"\d", line) and not line.lstrip().startswith(_COMMENT)]
-    if not found or (len(found) > 1 and len(odd) >= len(found)) or any(not is_prose(line) for line in odd):
+    if (
+        (len(found) == 1 and columns_within(found[0][1]))
+        or not found
+        or (len(found) > 1 and len(odd) >= len(found))
+        or any(not is_prose(line) for line in odd)
+    ):
         return None
     return of_tree(found, [line for _, line in around], "nested records: a line per strip")
 
