@@ -39,8 +39,7 @@ _ARRAYS = 0.5  # of a column's fields that say something: then it is one of arra
 _UNITS_COLUMN = re.compile(
     r"(?:\w+[ _.])?(?:units?|einheit(?:en)?|unit\u00e9s?|unidad|unit\u00e0)(?:[ _.]\w+)?", re.I
 )
-_VALUE = r"([-+]?\d+(?:[.,]\d+)?(?: ?m?V)?)"
-_PAIR = re.compile(rf"[\[(<]?{_VALUE}(\s*[/|:;~&]\s*|\s+)(?:{_VALUE})[\])>]?")  # of the two ends
+_PAIR = re.compile(r"[\[(<]?\s*(\S+?)(\s*[/|:;~&]\s*|\s+)(\S+?)\s*[\])>]?")  # of the two ends
 _FEW_KEYS, _SHOWN = 3, 5  # names of strips in a column; lines that are quoted
 _FEW_BLANKS = 0.25  # of the rows: where more have no time, cells are merged
 
@@ -117,14 +116,14 @@ def _pairs(fields: list[str]) -> list[list[str] | None]:
     >>> _pairs(["--", "2.51 / 1.80"]), _pairs(["3/4/2026"]), _pairs(["12:05", "-"])
     ([None, ['2.51', '1.80']], [], [])
     """
-    found = [_PAIR.fullmatch(f) for f in fields]
+    found = [None if says_nothing(f) else _PAIR.fullmatch(f) for f in fields]
     there = [m for m, f in zip(found, fields, strict=True) if not says_nothing(f)]
-    if (
-        not there
-        or None in there
-        or len({m[2].strip() for m in there if m}) > 1
-        or any(clock_seconds(f) is not None for f in fields)
-    ):
+    halves = {h for m in there if m for h in (m[1], m[3])}
+    if not there or None in there or len({m[2].strip() for m in there if m}) > 1:
+        return []
+    if not all(says_nothing(h) or any(number_of(h, mark) is not None for mark in ".,") for h in halves):
+        return []
+    if any(clock_seconds(f) is not None for f in fields):
         return []
     return [[m[1], m[3]] if m else None for m in found]
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
@@ -67,9 +66,7 @@ from tacstrip.io.log_import.yaml_text import yaml_documents
 
 _COMMENT = ("#", "%", "//", "!")
 _VALUE = r"[+-]?(?:\d+\.?\d*|\.\d+)|nan|NaN|NA|OL|x{1,3}|-{1,3}|\."
-_PAIRED = re.compile(
-    rf"(?<![\w./:(-])\(?({_VALUE})\s?(?:/|,\s?(?=[^()]{{0,999}}\))|:)\s?({_VALUE})\)?(?![\w./:-])"
-)
+_IN_BRACKETS = re.compile(rf"\(\s*({_VALUE})\s*,\s*({_VALUE})\s*\)")
 _COMMA_PAIR = re.compile(rf"(?<=[;|\t])\s*({_VALUE})\s?,\s?({_VALUE})\s*(?=([;|\t])|\Z)")
 _REMARK = re.compile(r"(;|!|//)\s*[^\s;].*")  # above a table
 _RULE = re.compile(r"[\s\-=+|~*_:]+")  # a line drawn below names
@@ -249,27 +246,9 @@ def _of_nested(text: str) -> Table | None:
 
 
 def _in_pairs(lines: list[tuple[int, str]]) -> list[tuple[int, str]]:
-    """Return lines with spaces, or what else stands between fields, in pairs of values such as 512/300 or (2.5,1.1)."""
-    parted = [(i, _COMMA_PAIR.sub(lambda m: f"{m[1]}{m[3] or ';'}{m[2]}", line)) for i, line in lines]
-    halves = sum(a != b and "." in a[1] for a, b in zip(lines, parted, strict=True))
-    if halves > STEADY * sum(bool(re.search(r"\d", line)) for _, line in lines) and any(
-        re.search(r"\d\.\d+,\s?\d+\.\d", line) for _, line in lines
-    ):
-        return parted
-    many = Counter(len(_PAIRED.findall(line)) for _, line in lines)
-    usual, often = many.most_common(1)[0]
-    if usual < 2 or often < STEADY * sum(bool(re.search(r"\d", line)) for _, line in lines):
-        return lines
-    sample = next(line for _, line in lines[len(lines) // 2 :] if len(_PAIRED.findall(line)) == usual)
-    if len(re.findall(r"[A-Za-z]\s*\d*\s*[=:]?\s*#", _PAIRED.sub("#", sample))) > 1:
-        return lines  # these have names
-    between = re.search(r"#([^#]*)#", _PAIRED.sub("#", sample))
-    mark = (
-        between[1] if between and not between[1].strip() else (between[1].strip() if between else "") or " "
-    )
-    if len(mark.strip()) > 1:
-        return lines
-    return [
-        (i, _PAIRED.sub(rf"\1{mark}\2", line).replace("|", " " if not mark.strip() else "|"))
-        for i, line in lines
-    ]
+    """Return lines with a slash in pairs of values in brackets, as (2.5,1.1), and those between semicolons parted."""
+    made = [(i, _IN_BRACKETS.sub(r"\1/\2", line)) for i, line in lines]
+    if all(a == b for a, b in zip(lines, made, strict=True)):
+        made = [(i, _COMMA_PAIR.sub(lambda m: f"{m[1]}{m[3] or ';'}{m[2]}", line)) for i, line in lines]
+    many = sum(a != b and "." in a[1] for a, b in zip(lines, made, strict=True))
+    return made if many > STEADY * sum(bool(re.search(r"\d", line)) for _, line in lines) else lines
