@@ -171,8 +171,8 @@ def columns_within(value: Any) -> dict[str, list[Any]]:
 
     Examples
     --------
-    >>> columns_within({"fs": 20, "data": {"t": [0, 1], "s0": {"hi": [2.5, None]}}})
-    {'data.t': [0, 1], 'data.s0.hi': [2.5, None]}
+    >>> columns_within({"fs": 20, "data": {"t": [0, 1], "s0": {"hi": [2.5, None], "lo": [1.9, None]}}})
+    {'data.t': [0, 1], 'data.s0.hi': [2.5, None], 'data.s0.lo': [1.9, None]}
     """
     parts = _unfolded("", value) if isinstance(value, dict) else {}
     lists = {k: v for k, v in parts.items() if isinstance(v, list) and v}

@@ -47,13 +47,11 @@ from tacstrip.io.log_import.prints import of_displayed_scans
 from tacstrip.io.log_import.records import STEADY
 from tacstrip.io.log_import.registers import with_registers
 from tacstrip.io.log_import.relations import joined
-from tacstrip.io.log_import.repeated import with_values_of_nothing
 from tacstrip.io.log_import.runs import of_runs
 from tacstrip.io.log_import.sections import in_one_table
 from tacstrip.io.log_import.separated import separated
 from tacstrip.io.log_import.series import without_other_series
 from tacstrip.io.log_import.shape import in_normal_form
-from tacstrip.io.log_import.sideways import upright
 from tacstrip.io.log_import.statements import untouched_said
 from tacstrip.io.log_import.strays import numbered, with_retries, without, without_messages
 from tacstrip.io.log_import.system_logs import of_system_log
@@ -180,7 +178,7 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     if (labelled := of_runs(text)) is not None:
         labelled = replace(labelled, remarks=(*filter(None, [messages]), *labelled.remarks))
         return in_normal_form(without_cut_end(labelled, text))
-    text = with_labels(with_channel_names(upright(of_sent(without_prefix(text)))))
+    text = with_labels(with_channel_names(of_sent(without_prefix(text))))
     if (table := of_literals(text, path) or of_dialect(text, str(path))) is not None:
         return in_normal_form(replace(table, remarks=(*filter(None, [messages]), *table.remarks)))
     # The empty lines in between tell where blocks begin.
@@ -196,7 +194,7 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     lines, passed = without_levels(lines)
     messages = "; ".join(filter(None, [messages, typed, passed]))
     lines = bare(lines)
-    lines = in_one_table(_in_pairs(with_values_of_nothing(of_groups(lines))))
+    lines = in_one_table(_in_pairs(of_groups(lines)))
     beside = [line.lstrip().startswith(_COMMENT) or bool(_FORMULA.search(line)) for _, line in lines]
     remarked = [line for (_, line), so in zip(lines, beside, strict=True) if so]
     table = named_values([line for line, so in zip(lines, beside, strict=True) if not so], stamps)
