@@ -246,7 +246,7 @@ def _of_nested(text: str) -> Table | None:
 def _in_pairs(lines: list[tuple[int, str]]) -> list[tuple[int, str]]:
     """Return lines with a slash in pairs of values in brackets, as (2.5,1.1), and those between semicolons parted."""
     made = [(i, _IN_BRACKETS.sub(r"\1/\2", line)) for i, line in lines]
-    if all(a == b for a, b in zip(lines, made, strict=True)):
+    if any(re.search(r"\d\.\d+,\s?\d+\.\d", line) for _, line in made):
         made = [(i, _COMMA_PAIR.sub(lambda m: f"{m[1]}{m[3] or ';'}{m[2]}", line)) for i, line in lines]
     many = sum(a != b and "." in a[1] for a, b in zip(lines, made, strict=True))
     return made if many > STEADY * sum(bool(re.search(r"\d", line)) for _, line in lines) else lines

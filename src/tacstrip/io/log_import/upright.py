@@ -110,7 +110,11 @@ def _under_times(table: Table) -> Table:
     rising = [q[0] for q in times if q is not None and q[1] in ("", *TIME_UNITS)]
     if table.named or len(top) < _FEW or len(rising) < len(times) or len({q[1] for q in times if q}) > 1:
         return table
-    if number_of(top[0]) is not None or any(b <= a for a, b in itertools.pairwise(rising)):
+    if (
+        number_of(top[0]) is not None
+        or meaning(top[0]).role in ("time", "scan")
+        or any(b <= a for a, b in itertools.pairwise(rising))
+    ):
         return table
     if not tell_strips([row[0] for row in table.rows[1:]]):
         return table
