@@ -43,7 +43,7 @@ Read = TypeVar("Read")
 _TOUCH = re.compile(r"touch|contact|press|active|ber(?:\u00fc|ue)hrt", re.IGNORECASE)
 _AS_WIRED = (
     "the log says {!r}: do its columns stand in the strips' order (ascending), or does the last strip stand first "
-    "(descending)? If neither, give them the strips' numbers"
+    "(descending)? If neither, list the strips in the columns' order, as 2,0,1"
 )
 _TAKEN_AS_TOLD = "columns are taken as of the strips that the log says they are of: {!r}"
 _ROUNDS = 4  # of questions that others open
@@ -509,6 +509,9 @@ def _strips(clues: Clues, found: Columns) -> tuple[int, int]:
 
 def _strip_order(clues: Clues, found: Columns, strips: int) -> str:
     """Return whether the log's strips run from the left, "ascending", or from the right."""
+    if "," in (listed := clues.answers.get("strip_order", "")):
+        clues.because(f"the log's strips are {listed} of the readings, in their order")
+        return listed
     if answer := clues.choice("strip_order", STRIP_ORDERS):
         if answer == "descending":
             clues.because("the log's first strip is the last of the readings")

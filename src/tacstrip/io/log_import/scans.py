@@ -93,6 +93,8 @@ def scans(table: Table, mapping: ColumnMapping, dropped: list[int] | None = None
     _check_repeated(found)
     if mapping.strip_order == "descending":
         found = [replace(s, values=s.values[::-1]) for s in found]
+    if listed := mapping.order_of_strips("strip_order"):
+        found = [replace(s, values=s.values[np.argsort(listed)]) for s in found]
     return in_turn(found, mapping.turn)
 
 
