@@ -335,7 +335,7 @@ FORMS: dict[str, tuple[ts.Sensor, str, dict[str, str]]] = {
             + "".join(f"{20 * (i % 3)},{s},{hl(',', i, s)}\n" for s in S)
             for i in N
         ),
-        {"restart": "continue"},
+        {},
     ),
     # Other shapes.
     "melted, strip after strip": (

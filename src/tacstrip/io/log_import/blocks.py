@@ -8,6 +8,7 @@ import re
 from collections import Counter
 from dataclasses import replace
 
+from tacstrip.io.log_import.fields import says_nothing
 from tacstrip.io.log_import.names import meaning, meanings
 from tacstrip.io.log_import.records import Item, is_label, items
 from tacstrip.io.log_import.table import ROW, NoTableError, Table
@@ -27,10 +28,15 @@ def labels_of(lines: list[tuple[int, str]]) -> dict[int, list[Item]]:
     worded = [(i, line.strip("#%/! \t")) for i, line in lines if len(line) < _LONG]
     worded = [(i, _TIME_SAID.sub(r"\1.\2", _NUMBER_SIGN.sub(" ", line))) for i, line in worded]
     timed = {i: items(f"t = {time}") for i, time in _timed(worded).items()}
-    worded = [(i, line) for i, line in worded if _WORDED.match(line)]
+    # With a mark for nothing in several fields it is a row.
+    worded = [(i, line) for i, line in worded if _WORDED.match(line) and _void_fields(line) < _FEW_BLOCKS]
     found = {i: parts for i, line in worded if is_label(parts := items(line))} or timed
     kinds = Counter(tuple(item.name for item in parts) for parts in found.values())
     return {i: parts for i, parts in found.items() if kinds[tuple(p.name for p in parts)] >= _FEW_BLOCKS}
+
+
+def _void_fields(line: str) -> int:
+    return sum(bool(f) and says_nothing(f) for f in re.split(r"[\s,;|]+", line.strip()))
 
 
 def _timed(lines: list[tuple[int, str]]) -> dict[int, str]:

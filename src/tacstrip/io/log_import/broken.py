@@ -15,6 +15,7 @@ from tacstrip.io.log_import.names import meaning
 from tacstrip.io.log_import.questions import Clues
 from tacstrip.io.log_import.records import is_label, items
 from tacstrip.io.log_import.scans import LogScan, scans
+from tacstrip.io.log_import.strays import form_of
 from tacstrip.io.log_import.table import CLOCK, GARBLED, Table
 from tacstrip.io.log_import.tokens import VALUE, parted
 
@@ -80,6 +81,24 @@ def hold_readings(table: Table, lines: list[int]) -> list[int]:
     return [
         n for n, q in quotes.items() if GARBLED not in q and _values_of(q, table.decimal) >= _usual(table)
     ]
+
+
+def of_other_kinds(table: Table, lines: list[int]) -> bool:
+    """Return whether lines are of forms of their own, each of several, so that none is a row that is damaged.
+
+    Each begins with a word that no row has and that names no reading, and holds another number of values than rows do.
+    """
+    quotes = [table.quotes.get(n, "") for n in lines]
+    forms = Counter(map(form_of, quotes))
+    words = {
+        w.casefold() for row in (table.names, *table.rows) for f in row for w in re.findall(r"[^\W\d_]+", f)
+    }
+    first = [m[1].casefold() if (m := re.match(r"\W*([^\W\d_]{2,})", q)) else "" for q in quotes]
+    return (
+        all(w and w not in words and not meaning(w).role for w in first)
+        and min(forms.values(), default=0) >= _FEW
+        and not any(_values_of(q, table.decimal) in (_usual(table), _usual(table) - 1) for q in quotes)
+    )
 
 
 def _at_the_end(table: Table, lines: list[int]) -> bool:

@@ -517,7 +517,7 @@ def _table(
         or (
             n not in taken
             and not (n < first and line.startswith("#"))
-            and any(_may_be_row(parted(n, line, decimal), form) for form in rows[0].form.split(JOINED))
+            and any(_may_be_row(parted(n, line, decimal), *of) for of in _parts_of(rows))
         )
     )
     whole = one.strip is not None and one.which is None and len(rows) == len(values) * values.shape[1]
@@ -531,14 +531,25 @@ def _table(
     )  # fmt: skip
 
 
-def _may_be_row(line: Line, form: str) -> bool:
+def _parts_of(rows: Sequence[Line]) -> list[tuple[str, int]]:
+    """Return the forms of the lines of a record, and how many values each holds at most."""
+    forms = rows[0].form.split(JOINED)
+    ends = [sum(map(len, forms[: n + 1])) + n for n in range(len(forms))]
+    texts = [[r.texts[end - len(form) : end] for r in rows] for form, end in zip(forms, ends, strict=True)]
+    return [
+        (form, max(sum(s == VALUE and t != "" for s, t in zip(form, row, strict=True)) for row in of))
+        for form, of in zip(forms, texts, strict=True)
+    ]
+
+
+def _may_be_row(line: Line, form: str, usual: int) -> bool:
     """Return whether a line begins as the rows do, or holds as many values: one of them that is damaged."""
     alike = next(
         (n for n, (a, b) in enumerate(zip(line.form, form, strict=False)) if a != b),
         min(len(line.form), len(form)),
     )
     many = sum(symbol == VALUE and text != "" for symbol, text in zip(line.form, line.texts, strict=True))
-    usual = form.count(VALUE)
+
     begun = alike > min(_BEGUN, len(form) - 1) and VALUE in line.form[:alike]
     words = max(form.count(WORD), many // 2)  # a hexadecimal number may come apart into numbers and letters
     return many > 0 and (begun or (2 * many > usual and line.form.count(WORD) <= words))

@@ -10,9 +10,9 @@ from dataclasses import replace
 import numpy as np
 
 from tacstrip.io.log_import import conversion
-from tacstrip.io.log_import.fields import STAMP
+from tacstrip.io.log_import.fields import STAMP, number_of
 from tacstrip.io.log_import.jumps import jump_of_all
-from tacstrip.io.log_import.names import UNITS, meanings
+from tacstrip.io.log_import.names import IN_VOLTS, UNITS, meanings
 from tacstrip.io.log_import.questions import Clues
 from tacstrip.io.log_import.scans import LogScan
 from tacstrip.io.log_import.strays import numbered
@@ -54,6 +54,7 @@ _LONGEST = 100  # characters of a line that are quoted
 _READ = 1000  # characters of a line that are read as words
 _JUMP = 1.3  # times: readings that jump less may move so
 _OTHERS = 2.0  # times the largest other step
+_AS_MUCH = 4.0  # times: so far may readings of two parts be apart in the median, in one unit
 _ALIKE = 0.2  # of the step: so much may it differ from reading to reading
 
 
@@ -66,7 +67,44 @@ def in_parts(table: Table, text: str) -> Table:
         return table
     whole = [n for n in table.lines if n not in table.broken]
     changes = changes_said(text, whole, _units(table.names))
+    if len(changes) == 1 and (converted := _in_one_unit(table, text, *changes[0])) is not None:
+        return converted
     return table.in_parts(changes) if changes else replace(table, notes=notes_among(text, table.lines))
+
+
+def _in_one_unit(table: Table, text: str, line: int, said: str) -> Table | None:
+    """Return a table with all readings in one unit of voltage, where a line says another from there on.
+
+    None where the lines above or the names say no other one, or the readings' size does not change with it.
+    """
+    above = _inner(text, table.lines)[1]
+    names = [n for n, m in meanings(table.names).items() if m.role == "reading"]
+    before = _units(table.names) or {u for other in above for u in _volts_in(other)}
+    after = _volts_in(said)
+    sizes: list[list[float]] = [[], []]
+    for row, at in zip(table.rows, table.lines, strict=True):
+        read = (number_of(row[table.places[n]], table.decimal) for n in names)
+        sizes[at > line] += [v for v in read if v]
+    if len(before) != 1 or len(after) != 1 or not before <= IN_VOLTS.keys() or not all(sizes):
+        return None
+    times = IN_VOLTS[min(after)] / IN_VOLTS[min(before)]
+    if times == 1.0 or not 1.0 / _AS_MUCH < np.median(sizes[1]) * times / np.median(sizes[0]) < _AS_MUCH:
+        return None
+    columns = {n: table.column(n) for n in table.names}
+    for n in names:
+        columns[n] = [
+            f if at < line or (v := number_of(f, table.decimal)) is None
+            else f"{times * v:.15g}".replace(".", table.decimal)
+            for f, at in zip(columns[n], table.lines, strict=True)
+        ]  # fmt: skip
+    told = f"line {line} says {said[:_LONGEST]!r}: readings below it are taken in {min(after)}, above in {min(before)}"
+    return replace(table.with_columns(columns), doubts=(*table.doubts, told))
+
+
+def _volts_in(line: str) -> set[str]:
+    """Return the units of voltage that a line names, behind no number."""
+    words = re.findall(r"(?<!\d)(?<!\d )\b[^\W\d_]+", line)
+    return {u for w in words if (u := UNITS.get(w.casefold(), "")) in IN_VOLTS}
 
 
 def _units(names: Sequence[str]) -> frozenset[str]:

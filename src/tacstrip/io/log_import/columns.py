@@ -9,6 +9,7 @@ from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.changes import ask_which_part
 from tacstrip.io.log_import.column_blocks import answered_block, readings_of_block
 from tacstrip.io.log_import.contents import are_times, is_numeric, may_label_strips
+from tacstrip.io.log_import.conversion import length_in
 from tacstrip.io.log_import.ends import ends_of_columns, in_one_unit
 from tacstrip.io.log_import.fields import number_of
 from tacstrip.io.log_import.names import (
@@ -152,6 +153,9 @@ def _meanings(clues: Clues) -> dict[str, Meaning]:
         n: Meaning("") for n, m in found.items()
         if m.role == "reading" and (all(map(_LOGIC.fullmatch, table.column(n))) or are_times(table.column(n)))
     }  # fmt: skip
+    readings = [n for n, m in found.items() if m.role == "reading"]
+    if any(not length_in(n) for n in readings):  # then places along the strip are computed from the others
+        found |= {n: Meaning("") for n in readings if length_in(n)}
     before = dict(found)
     for name in table.names:
         if name in (CLOCK, ROW):

@@ -26,10 +26,12 @@ from tacstrip.io.log_import.arrays import of_arrays
 from tacstrip.io.log_import.decoding import decoded
 from tacstrip.io.log_import.headed import decimal_mark, headed
 from tacstrip.io.log_import.names import meanings
+from tacstrip.io.log_import.relations import joined
 from tacstrip.io.log_import.shape import in_normal_form
 from tacstrip.io.log_import.sheets import numbered_scans, of_scans, of_two_channels
 from tacstrip.io.log_import.table import Table, text_of
 from tacstrip.io.log_import.text import content_of, of_text
+from tacstrip.io.log_import.thousands import mark_thousands
 
 ALL = "all"  # sheets of one form
 _MOST_UNPACKED = 2**28  # bytes
@@ -227,7 +229,7 @@ def _of_workbook(file: Path, sheets: dict[str, list[list[Any]]], name: str | Non
     read = [title for title, table in tables.items() if table.named and table.rows and _holds_readings(table)]
     read = [title for title in read if _names_strips(tables[title])] or read or [*tables]
     kept = {title: tables[title] for title in read}
-    if both := of_two_channels(kept):
+    if both := of_two_channels(kept) or joined(tables):
         return both
     one = of_scans(kept) if len(kept) > 1 else None
     if one is not None and (name == ALL or numbered_scans(read)):
@@ -264,7 +266,7 @@ def _from_first_column(cells: list[list[Any]]) -> list[list[Any]]:
 
 
 def _of_cells(cells: list[list[Any]], path: str | Path) -> Table:
-    cells = _from_first_column(cells)
+    cells = _without_thousands(_from_first_column(cells))
     written = [
         [c.strip() if isinstance(c, str) else "" for c in row] for row in cells if any(map(text_of, row))
     ]
@@ -293,6 +295,19 @@ def _of_cells(cells: list[list[Any]], path: str | Path) -> Table:
         in_normal_form(headed(split, width, ".", told)),
         of_content=lambda strips, channels: content_of(text, strips, channels),
     )
+
+
+def _without_thousands(cells: list[list[Any]]) -> list[list[Any]]:
+    """Return cells with "2206" for texts such as "2,206", if their marks are of thousands."""
+    texts = [c.strip() for row in cells for c in row if isinstance(c, str)]
+    numbers = [t for t in texts if re.fullmatch(r"[+-]?\d[\d.,]*", t)]
+    rest = "\n".join(t for t in texts if not re.search(r"\d[.,]\d", t))
+    if not any("," in n for n in numbers) or not mark_thousands(numbers, rest):
+        return cells
+    return [
+        [c.replace(",", "") if isinstance(c, str) and c.strip() in {*numbers} else c for c in row]
+        for row in cells
+    ]
 
 
 def _is_comma(text: str) -> bool:

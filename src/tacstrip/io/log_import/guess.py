@@ -14,7 +14,7 @@ import numpy as np
 
 from tacstrip.errors import OptionError, ReadingError
 from tacstrip.io.log_import import conversion, no_contact, time_unit, units
-from tacstrip.io.log_import.broken import hold_readings, settle_broken
+from tacstrip.io.log_import.broken import hold_readings, of_other_kinds, settle_broken
 from tacstrip.io.log_import.changes import ask_for_notes
 from tacstrip.io.log_import.channel_lines import inputs_as_columns
 from tacstrip.io.log_import.columns import Columns, find_columns
@@ -25,7 +25,7 @@ from tacstrip.io.log_import.mapping import STRIP_ORDERS, ColumnMapping
 from tacstrip.io.log_import.names import CLOCKS, IN_VOLTS, is_strip_word, meaning, meanings
 from tacstrip.io.log_import.others import drop_others
 from tacstrip.io.log_import.questions import KEYS, Clues, Question, Unanswered
-from tacstrip.io.log_import.scans import LogScan, is_newest_first, scans, strip_numbers
+from tacstrip.io.log_import.scans import LogScan, is_newest_first, raw_times, scans, strip_numbers
 from tacstrip.io.log_import.sides import (
     assigned_otherwise,
     from_the_right_said,
@@ -43,12 +43,13 @@ Read = TypeVar("Read")
 _TOUCH = re.compile(r"touch|contact|press|active|ber(?:\u00fc|ue)hrt", re.IGNORECASE)
 _AS_WIRED = (
     "the log says {!r}: do its columns stand in the strips' order (ascending), or does the last strip stand first "
-    "(descending)? If neither, give them the strips' numbers"
+    "(descending)? If neither, list the strips in the columns' order, as 2,0,1"
 )
+_TAKEN_AS_TOLD = "columns are taken as of the strips that the log says they are of: {!r}"
 _ROUNDS = 4  # of questions that others open
 _SHOWN, _LONG = 3, 72  # broken lines, and characters of each, that are quoted
 _FEW_BROKEN, _MOST_BROKEN = 2, 1.0 / 3.0  # lines, and part of the lines: of more, the log is of another form
-_FEW_ROWS, _FEW_REPEATED = 4, 0.05  # rows; part of them: of more that come twice, nothing is known
+_FEW_ROWS, _MOST_REPEATED = 4, 0.25  # rows; part of them: of more that come twice, nothing is known
 _MOST_COMPLETE = 0.5  # of the scans: if more have all strips, lines are lost where others have not
 # Of the strips: where always the same ones are listed, and more, others may not be logged.
 _MOST_STEADY = 0.75
@@ -303,10 +304,11 @@ def _drop_repeated(clues: Clues, found: Columns) -> None:
     again = [n for n in again if table.lines[n] != table.lines[n - 1]]
     kept = [n for n in range(len(table.rows)) if n not in {*again}]
     said = Counter(zip(*([table.column(k)[n] for n in kept] for k in keys), strict=True))
-    if not again or len(again) > max(1.0, _FEW_REPEATED * len(table.rows)) or max(said.values()) > 1:
+    if not again or len(again) > max(1.0, _MOST_REPEATED * len(table.rows)) or max(said.values()) > 1:
         return
-    for n in again:
-        clues.doubt(f"line {table.lines[n]} is line {table.lines[n - 1]} again: left out")
+    shown = "; ".join(f"line {table.lines[n]} is line {table.lines[n - 1]} again" for n in again[:_SHOWN])
+    more = f", and {len(again) - _SHOWN} more" if len(again) > _SHOWN else ""
+    clues.doubt(f"{shown}{more}: left out")
     clues.table = replace(table, rows=[table.rows[n] for n in kept], lines=[table.lines[n] for n in kept])
 
 
@@ -324,7 +326,7 @@ def _as_wired(clues: Clues, found: Columns) -> Columns:
         ):  # fmt: skip
             clues.ask("strip_order", _AS_WIRED.format(told[:_LONG]), *STRIP_ORDERS)
         return found
-    clues.doubt(f"columns are taken as of the strips that the log says they are of: {line.strip()[:_LONG]!r}")
+    clues.doubt(_TAKEN_AS_TOLD.format(line.strip()[:_LONG]))
     first = min(columns.values())
     return replace(
         found,
@@ -356,7 +358,13 @@ def _rough(clues: Clues, found: Columns) -> tuple[ColumnMapping, list[LogScan]]:
         if "restart=" not in str(error):
             raise
         rough = scans(clues.table, loose)
-        if "restart" not in clues.answers:
+        marked = [] if "restart" in clues.answers else _marked_restarts(clues.table, loose)
+        if marked:
+            clues.doubt(
+                f"the time begins anew below line(s) {', '.join(map(str, marked))}, where other lines part the rows: "
+                "taken as another run, a step later; else --answer restart=first or restart=last"
+            )
+        elif "restart" not in clues.answers:
             clues.ask(
                 "restart",
                 f"{str(error).partition(';')[0]}, as after a reset: does it go on one step later (continue), or shall "
@@ -367,6 +375,14 @@ def _rough(clues: Clues, found: Columns) -> tuple[ColumnMapping, list[LogScan]]:
     no_contact.settle_words(clues, mapping, rough)
     mapping = replace(mapping, missing=_missing(clues, loose, rough))
     return mapping, rough
+
+
+def _marked_restarts(table: Table, mapping: ColumnMapping) -> list[int]:
+    """Return the lines above which the time falls, if each time other lines part the rows there, as the names again."""
+    falls = np.flatnonzero(np.diff(raw_times(table, mapping)) < 0.0)
+    gaps = np.diff(table.lines)
+    between = [gaps[n] - sum(table.lines[n] < b < table.lines[n + 1] for b in table.broken) for n in falls]
+    return [table.lines[n] for n in falls] if between and min(between) > np.median(gaps) else []
 
 
 def _which_h(clues: Clues, found: Columns) -> str:
@@ -493,6 +509,9 @@ def _strips(clues: Clues, found: Columns) -> tuple[int, int]:
 
 def _strip_order(clues: Clues, found: Columns, strips: int) -> str:
     """Return whether the log's strips run from the left, "ascending", or from the right."""
+    if "," in (listed := clues.answers.get("strip_order", "")):
+        clues.because(f"the log's strips are {listed} of the readings, in their order")
+        return listed
     if answer := clues.choice("strip_order", STRIP_ORDERS):
         if answer == "descending":
             clues.because("the log's first strip is the last of the readings")
@@ -504,6 +523,10 @@ def _strip_order(clues: Clues, found: Columns, strips: int) -> str:
         raise ReadingError(
             f"the log says {line.strip()[:_LONG]!r}, and columns are named otherwise: give them the strips' numbers"
         )
+    words = re.findall(r"[^\W\d_]+", " ".join(columns))
+    if line and not any(map(is_strip_word, words)):  # of inputs, whose strips nothing else tells
+        clues.doubt(_TAKEN_AS_TOLD.format(line.strip()[:_LONG]))
+        return "descending"
     if not clues.descending and (told := line or from_the_right_said(said, strips)):
         clues.ask(
             "strip_order",
@@ -545,6 +568,9 @@ def _broken(clues: Clues) -> str:
         + (", ..." if len(broken) > 5 else "")
         + _quote(clues.table, broken[0])
     )
+    if "broken_lines" not in clues.answers and of_other_kinds(clues.table, broken):
+        clues.doubt(f"line(s) {shown} and those like it are of another kind than the readings: passed over")
+        return "skip"
     if len(broken) > _FEW_BROKEN and len(broken) >= _MOST_BROKEN * (len(broken) + len(clues.table.rows)):
         raise NoTableError(
             f"line(s) {shown} are not like the others, and they are {len(broken)} beside {len(clues.table.rows)} that "
@@ -623,7 +649,7 @@ def _only_touched(table: Table, mapping: ColumnMapping, rough: list[LogScan]) ->
             int(np.isfinite(s.values).sum()) for s in rough
         )
     else:
-        listed = len(table.rows) - len(table.empty) if mapping.strip and not table.absent else 0
+        listed = sum(i not in table.empty for i in table.lines) if mapping.strip and not table.absent else 0
         touched = int(there.sum()) * (2 if mapping.which else 1) == listed
     side_by_side = all(row[np.argmax(row) :][: row.sum()].all() for row in there)
     # Of the same strips always, and most of all, the others may not be logged.

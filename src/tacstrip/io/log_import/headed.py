@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.fields import is_prose, is_value, number_of, says_nothing, ungrouped
-from tacstrip.io.log_import.names import READING_UNITS, UNITS, meaning, meanings, unknown_unit
+from tacstrip.io.log_import.names import READING_UNITS, UNITS, is_called_k, meaning, meanings, unknown_unit
 from tacstrip.io.log_import.table import GARBLED, ContradictionError, NoTableError, Table
 
 _TALLEST_HEADER = 5
@@ -271,7 +271,7 @@ def _other_units(above: list[list[str]]) -> tuple[str, ...]:
                 UNITS.get(bare := cell.strip("[]() ")) or UNITS.get(bare.lower(), ""),
                 meaning(name).unit,
             )
-            if row is not units and said and own and said != own:
+            if row is not units and said and own and said != own and not is_called_k(name):
                 return (
                     f"{name!r} stands above the unit {bare!r}: taken in {own}, as the name says; is it so?",
                 )

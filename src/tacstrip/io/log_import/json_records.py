@@ -142,6 +142,8 @@ def _rows_of(value: Any) -> list[Any]:
     """Return a JSON value as records: itself, the list in it, or its columns turned."""
     if isinstance(value, list):
         return value
+    if columns := columns_within(value):
+        return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
     value = _with_names(value) if isinstance(value, dict) else value
     lists = {k: v for k, v in value.items() if isinstance(v, list)} if isinstance(value, dict) else {}
     tables = [v for v in lists.values() if v and all(isinstance(r, dict) for r in v)]
@@ -162,6 +164,20 @@ def _rows_of(value: Any) -> list[Any]:
     if len(columns) > 1 and len({len(v) for v in columns.values()}) == 1:
         return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
     return [value]
+
+
+def columns_within(value: Any) -> dict[str, list[Any]]:
+    """Return the lists of numbers in an object, however deep, if there are several, all as long; else none.
+
+    Examples
+    --------
+    >>> columns_within({"fs": 20, "data": {"t": [0, 1], "s0": {"hi": [2.5, None], "lo": [1.9, None]}}})
+    {'data.t': [0, 1], 'data.s0.hi': [2.5, None], 'data.s0.lo': [1.9, None]}
+    """
+    parts = _unfolded("", value) if isinstance(value, dict) else {}
+    lists = {k: v for k, v in parts.items() if isinstance(v, list) and v}
+    plain = not any(isinstance(e, dict | list | str) for v in lists.values() for e in v)
+    return lists if plain and len(lists) > 2 and len({*map(len, lists.values())}) == 1 else {}
 
 
 def _with_names(record: Mapping[str, Any]) -> dict[str, Any]:

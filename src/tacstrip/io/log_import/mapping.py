@@ -69,7 +69,8 @@ class ColumnMapping:
     turn
         "1/2" where two sensors write in turn, and the first is meant.
     strip_order
-        "descending" where the log's first strip is the sensor's last one.
+        "descending" where the log's first strip is the sensor's last one; or the sensor's strips in the log's order,
+        as "2,0,1".
     """
 
     columns: dict[str, str]
@@ -156,7 +157,8 @@ class ColumnMapping:
         for name, value, known in (
             ("unit", self.unit, READING_UNITS), ("time_unit", self.time_unit, (*TIME_UNITS, *CLOCKS)),
             ("missing", self.missing, ("untouched", "error")), ("broken_lines", self.broken_lines, ("skip", "error")),
-            ("restart", self.restart, RESTARTS), ("strip_order", self.strip_order, STRIP_ORDERS),
+            ("restart", self.restart, RESTARTS),
+            ("strip_order", "" if self.order_of_strips(place) else self.strip_order, ("", *STRIP_ORDERS)),
         ):  # fmt: skip
             if value not in known:
                 raise OptionError(f"{place}: " + one_of(name, value, known))
@@ -177,6 +179,17 @@ class ColumnMapping:
                 raise OptionError(
                     f'{place}: {name} = {what!r}; write "h", "l" or "out", or "3:h" for a column of strip 3'
                 )
+
+    def order_of_strips(self, place: str) -> list[int]:
+        """Return the sensor's strip, from 0, of each of the log's, if listed; `OptionError` if not each is once."""
+        if "," not in self.strip_order:
+            return []
+        listed = [int(n) if n.strip().isdigit() else -1 for n in self.strip_order.split(",")]
+        if sorted(listed) != [*range(min(listed), min(listed) + self.strips)] or min(listed) not in (0, 1):
+            raise OptionError(
+                f"{place}: strip_order = {self.strip_order}: list each of {self.strips} strips once"
+            )
+        return [n - min(listed) for n in listed]
 
     @property
     def wide(self) -> bool:

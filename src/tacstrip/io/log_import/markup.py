@@ -84,6 +84,12 @@ def _fill(row: list[str], below: dict[int, tuple[int, str]]) -> None:
 
 def _dumped(text: str) -> list[list[str]]:
     """Return the names and the rows of the longest table of a dump of SQL that names columns only once; else none."""
+    found = dumped_tables(text)
+    return max(found.values(), key=len, default=[])
+
+
+def dumped_tables(text: str) -> dict[str, list[list[str]]]:
+    """Return the tables of a dump of SQL that names columns only once: the names, and the rows."""
     quotes = " '\"`[]"
     names = {
         table.strip(quotes): [
@@ -101,10 +107,7 @@ def _dumped(text: str) -> list[list[str]]:
     for table, inner, rows in _COPIED.findall(text):
         names[table] = [column.strip(quotes) for column in inner.split(",")]
         found[table] = [line.replace("\\N", "").split("\t") for line in rows.splitlines() if line.strip()]
-    longest = max(found, key=lambda table: len(found[table]), default="")
-    if not found.get(longest) or not names.get(longest):
-        return []
-    return [names[longest], *found[longest]]
+    return {table: [names[table], *rows] for table, rows in found.items() if rows and names.get(table)}
 
 
 def _columns_of(inner: str) -> list[str]:

@@ -36,6 +36,8 @@ _BESIDE = _words("number")  # beside another word, they say nothing more
 _FILLER = _words("beside_a_reading")
 # Of what is said beside a mean, and is none.
 _SPREAD = _words("spread")
+_MEAN, _EXTREMES = _words("mean"), _words("extremes")
+_STATISTICS = _MEAN | _EXTREMES
 # Of other scripts, the words that logs have.
 _TRANSLATED = {word: f" {english} " for english, alike in translated().items() for word in alike}
 OTHER_SCRIPT = re.compile("|".join(sorted(_TRANSLATED, key=len, reverse=True)))
@@ -173,13 +175,32 @@ def meaning(name: str) -> Meaning:
 def meanings(names: Sequence[str]) -> dict[str, Meaning]:
     """Interpret the names of a table together: what all share says nothing, nor a number that is always the same.
 
+    Where a mean stands beside the extremes of the same quantity, only the mean is a reading.
+
     Examples
     --------
     >>> [m.strip for m in meanings(["t", "Dev1/ai0", "Dev1/ai1"]).values()]
     [None, 0, 1]
     >>> [(m.strip, m.channel) for m in meanings(["S1_1", "S1_2", "S2_1", "S2_2", "S3_1", "S3_2"]).values()][2:4]
     [(2, '1'), (2, '2')]
+    >>> [m.role for m in meanings(["h_mean", "h_min", "h_max"]).values()]
+    ['reading', '', '']
     """
+    alike: dict[tuple[str, ...], list[str]] = {}
+    for name in names:
+        alike.setdefault(tuple(t for t in _tokens(name)[0] if t not in _STATISTICS), []).append(name)
+    means = [(group, [n for n in group if _MEAN & {*_tokens(n)[0]}]) for group in alike.values()]
+    others = [n for group, mean in means if len(mean) == 1 for n in group if n not in mean and _is_extreme(n)]
+    found = _together([n for n in names if n not in others])
+    return {n: found.get(n, Meaning("")) for n in names}
+
+
+def _is_extreme(name: str) -> bool:
+    return bool(_EXTREMES & {*re.findall(r"[a-z]+", name.casefold())})
+
+
+def _together(names: Sequence[str]) -> dict[str, Meaning]:
+    """Return what names mean, of which none is of an extreme."""
     split = {name: _tokens(name) for name in names}
     split |= _with_first(split)
     alike = Counter(
@@ -361,7 +382,8 @@ def _of_tokens(tokens: list[str], unit: str) -> Meaning:
     pair = pair - {"u"} if len(pair) > 1 else pair  # a voltage, as in U_oben
     if len(pair) == 1 and not (words == ["a"] and strip is not None):  # A3 is an analog pin
         return replace(read, channel=pair.pop(), strip=strip)
-    if strip is not None or named & _VALUE:
+    of_unit = all(w in _LAST and UNITS[w] in READING_UNITS for w in words)  # as a column "mv"
+    if strip is not None or named & _VALUE or of_unit:
         return replace(read, strip=strip)
     return Meaning("which") if named & _WHICH else Meaning("")
 

@@ -35,7 +35,8 @@ _TOKEN = re.compile(
     | (?P<word>(?:\d{{1,3}}(?=[A-Za-z]{{1,5}}\b))?
         [A-Za-zµ_\u00c0-\u024f][\w/.%-]*(?:\[\d+\])*(?:\s?[\[(][^\])\d]{{0,12}}[\])](?=\s*[:=]))?)
     | (?P<sign>[:=])
-    | (?P<nothing>-{{1,9}}(?=[\s,;|/)\]]|$)|(?<![^\s,;|/([:=])(?:\.{{1,9}}|[\u2013\u2014\u2026])(?=[\s,;|/)\]]|$))
+    | (?P<nothing>-{{1,9}}(?=(?:[mu\u00b5]?V|%)?(?:[\s,;|/)\]]|$))
+        |(?<![^\s,;|/([:=])(?:\.{{1,9}}|[\u2013\u2014\u2026])(?=[\s,;|/)\]]|$))
     | (?P<mark>(?<=\s)[*_?]{{1,9}}(?=\s|$))
     | (?P<comma>(?<=\d),(?=\d))""",
     re.VERBOSE,
@@ -147,6 +148,8 @@ def items(line: str) -> list[Item]:
             # Of an end alone, as in "H 512 430 | L 300 210", a row of values follows.
             if not newest.told and (strips or meaning(newest.name).channel not in ("h", "l")):
                 open_name = False
+    if any(i.told and not i.values and _is_reading(i.name) for i in found):
+        return []  # a value that is not understood
     found = [i for i in found if i.values]
     places = [n for n, item in enumerate(found) if item.name == "strip"]
     if len(places) < 2:

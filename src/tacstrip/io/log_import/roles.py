@@ -77,7 +77,7 @@ def with_time_by_unit(clues: Clues, known: dict[str, Meaning]) -> dict[str, Mean
         return known
     found = [
         n for n, m in known.items()
-        if not m.role and unit_in(n) in TIME_UNITS and n not in clues.answers
+        if m.role in ("", "scan") and unit_in(n) in TIME_UNITS and n not in clues.answers
         and rises_as_a_clock(clues.values(n)) and rises_evenly(clues.values(n))
     ]  # fmt: skip
     return known | {n: Meaning("time", unit=unit_in(n)) for n in found if len(found) == 1}

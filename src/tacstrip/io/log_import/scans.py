@@ -83,8 +83,8 @@ def scans(table: Table, mapping: ColumnMapping, dropped: list[int] | None = None
         )
     table = table.where(mapping.only)
     _check_digits(table, mapping)
-    if is_newest_first(table, mapping):
-        table = _oldest_first(table, mapping)
+    sort = _oldest_first if is_newest_first(table, mapping) else _by_number
+    table = sort(table, mapping)
     ordered, times = _in_order(table, _times(table, mapping), mapping)
     found = list(_scans(ordered, times, mapping, [] if dropped is None else dropped, ordered is not table))
     if not found:
@@ -93,6 +93,8 @@ def scans(table: Table, mapping: ColumnMapping, dropped: list[int] | None = None
     _check_repeated(found)
     if mapping.strip_order == "descending":
         found = [replace(s, values=s.values[::-1]) for s in found]
+    if listed := mapping.order_of_strips("strip_order"):
+        found = [replace(s, values=s.values[np.argsort(listed)]) for s in found]
     return in_turn(found, mapping.turn)
 
 
@@ -207,6 +209,18 @@ def _oldest_first(table: Table, mapping: ColumnMapping) -> Table:
     return replace(table, rows=[table.rows[n] for n in order], lines=[table.lines[n] for n in order])
 
 
+def _by_number(table: Table, mapping: ColumnMapping) -> Table:
+    """Return rows in the order of their scans' numbers, where lines of several scans stand among each other."""
+    numbers = [number_of(f, table.decimal) for f in table.column(mapping.scan)] if mapping.scan else [None]
+    columns = [table.column(n) for n in (mapping.scan, mapping.strip, mapping.which) if n]
+    if None in numbers or not mapping.time or len({*zip(*columns, strict=True)}) < len(table.rows):
+        return table
+    order = np.argsort(np.array(numbers, dtype=float), kind="stable")
+    if (np.diff(raw_times(table, mapping)[order]) < 0.0).any():  # as where a counter begins anew
+        return table
+    return replace(table, rows=[table.rows[n] for n in order], lines=[table.lines[n] for n in order])
+
+
 def _strips_fall(table: Table, mapping: ColumnMapping, times: FloatArray) -> bool:
     steps = np.diff(strip_numbers(table, mapping))[np.diff(times) == 0.0]
     return bool((steps <= 0).all() and (steps < 0).any())
@@ -305,7 +319,7 @@ def _scans(
         again = any((strip, end) in seen for _, _, strip, end in targets)
         twice = again and strips and mapping.strips > 1 and strips[n] == strips[last] and len(seen) > 1
         if scan is not None and not table.empty.isdisjoint((line, table.lines[last])):
-            new = True
+            new = line != table.lines[last]
         elif number is not None and scan is not None:
             new = number[n] != number[last]
         elif by_time and times is not None and scan is not None:

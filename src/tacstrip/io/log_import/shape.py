@@ -16,7 +16,13 @@ from tacstrip.io.log_import.clocks import (
     of_two_numbers,
     of_unknown_name,
 )
-from tacstrip.io.log_import.fields import array_of, clock_seconds, number_of, quantity, says_nothing
+from tacstrip.io.log_import.fields import (
+    array_of,
+    clock_seconds,
+    number_of,
+    quantity,
+    says_nothing,
+)
 from tacstrip.io.log_import.names import (
     CHANNELS,
     IN_VOLTS,
@@ -33,6 +39,7 @@ _ARRAYS = 0.5  # of a column's fields that say something: then it is one of arra
 _UNITS_COLUMN = re.compile(
     r"(?:\w+[ _.])?(?:units?|einheit(?:en)?|unit\u00e9s?|unidad|unit\u00e0)(?:[ _.]\w+)?", re.I
 )
+_PAIR = re.compile(r"[\[(<]?\s*(\S+?)(\s*[/|:;~&]\s*|\s+)(\S+?)\s*[\])>]?")  # of the two ends
 _FEW_KEYS, _SHOWN = 3, 5  # names of strips in a column; lines that are quoted
 _FEW_BLANKS = 0.25  # of the rows: where more have no time, cells are merged
 
@@ -47,7 +54,7 @@ def in_normal_form(table: Table) -> Table:
         _without_empty, of_several_scans, of_clock_parts, of_day_and_clock, of_one_clock, of_unknown_name,
         of_two_numbers,
         transposed, _spread, upright, _without_units, _of_strips_only, _of_unit_column, _in_one_unit, _split_keys,
-        _filled, _without_index,
+        _of_nothing, _filled, _without_index,
     )  # fmt: skip
     for step in steps:
         table = step(table) if table.rows else table
@@ -87,8 +94,8 @@ def _spread(table: Table) -> Table:
     told = []
     for name in table.names:
         fields = table.column(name)
-        arrays = [array_of(f) for f in fields] if any(f[:1] in ("[", "(") for f in fields) else []
-        said = [a for a, f in zip(arrays, fields, strict=False) if f]
+        arrays = [array_of(f) for f in fields] if any(f[:1] in ("[", "(") for f in fields) else _pairs(fields)
+        said = [a for a, f in zip(arrays, fields, strict=False) if not says_nothing(f)]
         if not said or sum(a is not None for a in said) < _ARRAYS * len(said):
             columns[name] = fields
             continue
@@ -99,6 +106,26 @@ def _spread(table: Table) -> Table:
     if not told:
         return table
     return table.with_columns(columns, *told)
+
+
+def _pairs(fields: list[str]) -> list[list[str] | None]:
+    """Return fields such as "2.51 / 1.80" as pairs, if all that say something are; else none.
+
+    Examples
+    --------
+    >>> _pairs(["--", "2.51 / 1.80"]), _pairs(["3/4/2026"]), _pairs(["12:05", "-"])
+    ([None, ['2.51', '1.80']], [], [])
+    """
+    found = [None if says_nothing(f) else _PAIR.fullmatch(f) for f in fields]
+    there = [m for m, f in zip(found, fields, strict=True) if not says_nothing(f)]
+    halves = {h for m in there if m for h in (m[1], m[3])}
+    if not there or None in there or len({m[2].strip() for m in there if m}) > 1:
+        return []
+    if not all(says_nothing(h) or any(number_of(h, mark) is not None for mark in ".,") for h in halves):
+        return []
+    if any(clock_seconds(f) is not None for f in fields):
+        return []
+    return [[m[1], m[3]] if m else None for m in found]
 
 
 def _without_units(table: Table) -> Table:
@@ -194,6 +221,25 @@ def _of_unit_column(table: Table) -> Table:
             ]
         columns[f"{name} [{unit}]" if name in readings else name] = fields
     return table.with_columns(columns, f"{named[0]}: the readings are in {' and '.join(sorted(units))}")
+
+
+def _of_nothing(table: Table) -> Table:
+    """Return rows of a scan that names no strip, in a log of a line per strip, as of one without contact."""
+    known = meanings(table.names)
+    strips = [n for n, m in known.items() if m.role == "strip"]
+    read = [n for n, m in known.items() if m.role == "reading"]
+    if len(strips) != 1 or not read:
+        return table
+    columns = [table.column(n) for n in (*strips, *read)]
+    void = {n for n, fields in enumerate(zip(*columns, strict=True)) if not any(fields)}
+    void = {n for n in void if any(table.rows[n])}
+    if not void or 2 * len(void) > len(table.rows):
+        return table
+    shown = next(f for f in columns[0] if f)
+    filled = [shown if n in void else f for n, f in enumerate(columns[0])]
+    told = f"{len(void)} scan(s) without a strip: nothing touches in them"
+    table = table.with_columns({n: filled if n == strips[0] else table.column(n) for n in table.names}, told)
+    return replace(table, empty=table.empty | {table.lines[n] for n in void})
 
 
 def _split_keys(table: Table) -> Table:

@@ -89,7 +89,9 @@ def assigned_otherwise(columns: Mapping[str, int], lines: Sequence[str]) -> tupl
             return line, False, {}
     told: dict[str, tuple[int, str]] = {}
     for name in columns:
-        bare = re.escape(re.sub(r"\s*[\[(].*", "", name))
+        # The whole name without its unit, or only the input's, as "C0" of "C0_H".
+        ways = {re.sub(r"\s*[\[(].*", "", name), *re.findall(r"\A[^\W\d]+ ?\d+", name)}
+        bare = f"(?:{'|'.join(map(re.escape, sorted(ways, key=len, reverse=True)))})"
         said = re.compile(
             rf"(?<!\w){bare}\s*{_IS}\s*{_STRIP}\s*#?(\d+)|\b{_STRIP}\s*#?(\d+)\s*{_IS}\s*(?:pin |input )?{bare}(?!\w)",
             re.IGNORECASE,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
@@ -36,24 +35,23 @@ from tacstrip.io.log_import.fields import is_prose
 from tacstrip.io.log_import.gathered import named_values
 from tacstrip.io.log_import.groups import of_groups
 from tacstrip.io.log_import.hexbytes import of_hex_bytes
-from tacstrip.io.log_import.json_records import of_literals
+from tacstrip.io.log_import.json_records import columns_within, of_literals
 from tacstrip.io.log_import.labels import with_labels
 from tacstrip.io.log_import.literals import one_page, unwrapped
 from tacstrip.io.log_import.mail import without_mail
-from tacstrip.io.log_import.markup import plain_rows
+from tacstrip.io.log_import.markup import dumped_tables, plain_rows
 from tacstrip.io.log_import.nested import documents
 from tacstrip.io.log_import.owners import with_owners
 from tacstrip.io.log_import.pandas_print import of_pandas
 from tacstrip.io.log_import.prints import of_displayed_scans
 from tacstrip.io.log_import.records import STEADY
 from tacstrip.io.log_import.registers import with_registers
-from tacstrip.io.log_import.repeated import with_values_of_nothing
+from tacstrip.io.log_import.relations import joined
 from tacstrip.io.log_import.runs import of_runs
 from tacstrip.io.log_import.sections import in_one_table
 from tacstrip.io.log_import.separated import separated
 from tacstrip.io.log_import.series import without_other_series
 from tacstrip.io.log_import.shape import in_normal_form
-from tacstrip.io.log_import.sideways import upright
 from tacstrip.io.log_import.statements import untouched_said
 from tacstrip.io.log_import.strays import numbered, with_retries, without, without_messages
 from tacstrip.io.log_import.system_logs import of_system_log
@@ -66,9 +64,7 @@ from tacstrip.io.log_import.yaml_text import yaml_documents
 
 _COMMENT = ("#", "%", "//", "!")
 _VALUE = r"[+-]?(?:\d+\.?\d*|\.\d+)|nan|NaN|NA|OL|x{1,3}|-{1,3}|\."
-_PAIRED = re.compile(
-    rf"(?<![\w./:(-])\(?({_VALUE})\s?(?:/|,\s?(?=[^()]{{0,999}}\))|:)\s?({_VALUE})\)?(?![\w./:-])"
-)
+_IN_BRACKETS = re.compile(rf"\(\s*({_VALUE})\s*,\s*({_VALUE})\s*\)")
 _COMMA_PAIR = re.compile(rf"(?<=[;|\t])\s*({_VALUE})\s?,\s?({_VALUE})\s*(?=([;|\t])|\Z)")
 _REMARK = re.compile(r"(;|!|//)\s*[^\s;].*")  # above a table
 _RULE = re.compile(r"[\s\-=+|~*_:]+")  # a line drawn below names
@@ -160,6 +156,8 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     """Return a text as a table in normal form, as if some of its lines were not there."""
     if (dumped := of_hex_bytes(without(text, strays))) is not None:
         return in_normal_form(dumped)
+    if (related := _of_relations(without(text, strays))) is not None:
+        return in_normal_form(related)
     text = without_boxes(of_system_log(_FORTRAN.sub(r"\1E\2", _SCALAR.sub(r"\1", text))))
     text, bounds = _BOUND.subn(r"\1", without_thousands(_THOUSANDS.sub("", of_pandas(without(text, strays)))))
     whole = _COLOUR.sub("", plain_rows(of_displayed_scans(without(text, strays)).translate(_HALF_WIDTH)))
@@ -180,7 +178,7 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     if (labelled := of_runs(text)) is not None:
         labelled = replace(labelled, remarks=(*filter(None, [messages]), *labelled.remarks))
         return in_normal_form(without_cut_end(labelled, text))
-    text = with_labels(with_channel_names(upright(of_sent(without_prefix(text)))))
+    text = with_labels(with_channel_names(of_sent(without_prefix(text))))
     if (table := of_literals(text, path) or of_dialect(text, str(path))) is not None:
         return in_normal_form(replace(table, remarks=(*filter(None, [messages]), *table.remarks)))
     # The empty lines in between tell where blocks begin.
@@ -196,7 +194,7 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     lines, passed = without_levels(lines)
     messages = "; ".join(filter(None, [messages, typed, passed]))
     lines = bare(lines)
-    lines = in_one_table(_in_pairs(with_values_of_nothing(of_groups(lines))))
+    lines = in_one_table(_in_pairs(of_groups(lines)))
     beside = [line.lstrip().startswith(_COMMENT) or bool(_FORMULA.search(line)) for _, line in lines]
     remarked = [line for (_, line), so in zip(lines, beside, strict=True) if so]
     table = named_values([line for line, so in zip(lines, beside, strict=True) if not so], stamps)
@@ -219,39 +217,36 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     return in_normal_form(table)
 
 
+def _of_relations(text: str) -> Table | None:
+    """Return a dump of a database as the table of its readings, with the times of the table that these refer to."""
+    dumped = dumped_tables(text)
+    tables = {
+        n: Table(tuple(names), [r for r in rows if len(r) == len(names)], [*range(1, len(rows) + 1)])
+        for n, (names, *rows) in dumped.items() if all(len(r) == len(names) for r in rows)
+    }  # fmt: skip
+    return joined(tables) if len(tables) > 1 else None
+
+
 def _of_nested(text: str) -> Table | None:
     """Return a text of nested records as a table; None where it is none, or holds lines of another form beside them."""
     found, around = documents(text)
     if not found:
         found, around = yaml_documents(text)
     odd = [line for _, line in around if re.search(r"\d", line) and not line.lstrip().startswith(_COMMENT)]
-    if not found or (len(found) > 1 and len(odd) >= len(found)) or any(not is_prose(line) for line in odd):
+    if (
+        (len(found) == 1 and columns_within(found[0][1]))
+        or not found
+        or (len(found) > 1 and len(odd) >= len(found))
+        or any(not is_prose(line) for line in odd)
+    ):
         return None
     return of_tree(found, [line for _, line in around], "nested records: a line per strip")
 
 
 def _in_pairs(lines: list[tuple[int, str]]) -> list[tuple[int, str]]:
-    """Return lines with spaces, or what else stands between fields, in pairs of values such as 512/300 or (2.5,1.1)."""
-    parted = [(i, _COMMA_PAIR.sub(lambda m: f"{m[1]}{m[3] or ';'}{m[2]}", line)) for i, line in lines]
-    halves = sum(a != b and "." in a[1] for a, b in zip(lines, parted, strict=True))
-    if halves > STEADY * sum(bool(re.search(r"\d", line)) for _, line in lines) and any(
-        re.search(r"\d\.\d+,\s?\d+\.\d", line) for _, line in lines
-    ):
-        return parted
-    many = Counter(len(_PAIRED.findall(line)) for _, line in lines)
-    usual, often = many.most_common(1)[0]
-    if usual < 2 or often < STEADY * sum(bool(re.search(r"\d", line)) for _, line in lines):
-        return lines
-    sample = next(line for _, line in lines[len(lines) // 2 :] if len(_PAIRED.findall(line)) == usual)
-    if len(re.findall(r"[A-Za-z]\s*\d*\s*[=:]?\s*#", _PAIRED.sub("#", sample))) > 1:
-        return lines  # these have names
-    between = re.search(r"#([^#]*)#", _PAIRED.sub("#", sample))
-    mark = (
-        between[1] if between and not between[1].strip() else (between[1].strip() if between else "") or " "
-    )
-    if len(mark.strip()) > 1:
-        return lines
-    return [
-        (i, _PAIRED.sub(rf"\1{mark}\2", line).replace("|", " " if not mark.strip() else "|"))
-        for i, line in lines
-    ]
+    """Return lines with a slash in pairs of values in brackets, as (2.5,1.1), and those between semicolons parted."""
+    made = [(i, _IN_BRACKETS.sub(r"\1/\2", line)) for i, line in lines]
+    if any(re.search(r"\d\.\d+,\s?\d+\.\d", line) for _, line in made):
+        made = [(i, _COMMA_PAIR.sub(lambda m: f"{m[1]}{m[3] or ';'}{m[2]}", line)) for i, line in lines]
+    many = sum(a != b and "." in a[1] for a, b in zip(lines, made, strict=True))
+    return made if many > STEADY * sum(bool(re.search(r"\d", line)) for _, line in lines) else lines

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 _QUOTED = re.compile(r"\"([+-]?[\d.,]+)\"")
 _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+(?:\.\d+)?")
@@ -27,12 +28,22 @@ def without_thousands(text: str) -> str:
     't,Hi (V),Lo (V)\\n1,"2,023","1,968"\\n'
     """
     quoted = [m[1] for m in _QUOTED.finditer(text)]
-    if not any("," in q for q in quoted) or not all(
-        _GROUPED.fullmatch(q) or re.fullmatch(r"[+-]?\d+(?:\.\d+)?", q) for q in quoted
-    ):
-        return text
     rest = _QUOTED.sub("", text)
-    certain = any(q.count(",") > 1 or ("," in q and "." in q) for q in quoted) or _POINT.search(rest)
-    if not certain and not (_WHOLE_UNIT.search(rest) and not _OF_VOLTS.search(rest)):
+    if not any("," in q for q in quoted) or not mark_thousands(quoted, rest):
         return text
     return _QUOTED.sub(lambda m: m[1].replace(",", ""), text)
+
+
+def mark_thousands(numbers: Sequence[str], rest: str) -> bool:
+    """Return whether commas in numbers mark thousands, by these and the rest of a log.
+
+    Examples
+    --------
+    >>> mark_thousands(["2,206", "968"], "High (mV)"), mark_thousands(["2,206"], "High (V)")
+    (True, False)
+    """
+    if not all(_GROUPED.fullmatch(n) or re.fullmatch(r"[+-]?\d+(?:\.\d+)?", n) for n in numbers):
+        return False
+    if any(n.count(",") > 1 or ("," in n and "." in n) for n in numbers) or _POINT.search(rest):
+        return True
+    return bool(_WHOLE_UNIT.search(rest)) and not _OF_VOLTS.search(rest)

@@ -202,7 +202,10 @@ def _void(
     return {
         (n, (*parent, key)) for (n, parent), said in found.items()
         if (n, parent) not in parents and {*said} - {()} <= usual and (() in said or len(said) > 0)
-        and all(words.get(k, {v}) == {v} for k, v in said.items() if v and number_of(v) is None)
+        and all(
+            words.get(k, {v}) == {v} or clock_seconds(v) is not None
+            for k, v in said.items() if v and number_of(v) is None
+        )
     }  # fmt: skip
 
 

@@ -16,13 +16,16 @@ _LABEL = r"(?<![\w.])[\[(<#]?(?P<strip>{})[\s=#:_.-]{{0,2}}\d+(?![\w.])[\])>]?"
 _NAME = r"[^\W\d_]+"
 _SAYS = re.compile(
     rf"(?P<said>(?:.*[\s,;|>])?{_LABEL.format(_NAME)})[\s,;:|=(\[>]+"
-    r"(?P<words>[^\d=:]*[^\W\d_][^\d=:]*?|-{1,3})[\s)\]]*"
+    r"(?P<words>(?:[^\W\d_]+\s*[=:]\s*)?[^\d=:]*[^\W\d_][^\d=:]*?|-{1,3})[\s)\]]*"
 )
 _VALUE = re.compile(rf"(?<![\w.])[-+]?\d[\d.]*(?:[eE][-+]?\d+)?(?i:\s?(?:{_UNIT}))?(?=[\s,;|/)\]]|\Z)")
 _ROW = re.compile(
     r"(?P<row>[^A-Za-z]*\d)(?P<mark>\s*[,;\t|]\s*|\s+)(?P<words>[^\d,;\t|=:]*[^\W\d_]{2}[^\d,;\t|=:]*?)\s*"
 )
 _PLAIN = r"[^\W\d_]+(?: [^\W\d_]+){0,2}"  # words that may stand for readings
+_NOT_TOUCHED = re.compile(
+    r"(?:touch\w*|contact|press\w*|active)\s*[=:]\s*(?:false|no|none|off)", re.IGNORECASE
+)
 _FEW = 2  # rows
 _OFTEN = 0.5  # of the lines with readings: a form that as many have is the log's
 
@@ -113,7 +116,8 @@ def _split(line: str, mark: str) -> list[str]:
 
 
 def _says_nothing(words: str) -> bool:
-    return says_nothing(words.strip()) or says_no_contact(words)
+    said = re.split(r"[=:]", words)[-1].strip()  # as in "state=open"
+    return bool(_NOT_TOUCHED.fullmatch(words.strip())) or says_nothing(said) or says_no_contact(said)
 
 
 def _is_of_strip(word: str) -> bool:

@@ -8,8 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from tacstrip.io.log_import.fields import number_of
-from tacstrip.io.log_import.names import READING_UNITS, TIME_UNITS, UNITS, meaning, meanings
+from tacstrip.io.log_import.channel_names import tell_strips
+from tacstrip.io.log_import.fields import number_of, quantity
+from tacstrip.io.log_import.names import READING_UNITS, TIME_UNITS, UNITS, meaning, meanings, unit_in
 from tacstrip.io.log_import.table import ROW, Table
 
 _CORNER = re.compile(r"(\w+)\s*[\\/|]\s*(t|time|zeit)\s*(?:[\[(]?(\w+)[\])]?)?", re.I)
@@ -18,6 +19,7 @@ _TIME_AS_NAME = re.compile(
     r"(?:at |@ ?|after |nach |bei )?([+-]?\d+(?:[.,]\d+)?)\s*([a-z\u00b5]*)\s*(?:[\[(/]\s*(\w+)\s*[\])]?)?",
     re.I,
 )
+_FEW = 4  # fields of a row of times
 _EVEN = 0.02  # of a step: so much may the others differ
 
 
@@ -48,6 +50,7 @@ def of_several_scans(table: Table) -> Table:
 
 def transposed(table: Table) -> Table:
     """Turn a table whose lines begin with their names, perhaps of several fields, each of other values."""
+    table = _under_times(table)
     joined = _with_labels_in_one(table)
     names = joined.column(joined.names[0])
     roles = [meaning(name).role for name in names]
@@ -100,6 +103,24 @@ def upright(table: Table) -> Table:
     return _with_scans_as_rows(table, {n: m[2] for n, m in scans.items()}, named, others, "value")
 
 
+def _under_times(table: Table) -> Table:
+    """Return a table without names whose first row is of rising times in one unit with these as its names."""
+    top = table.rows[0]
+    times = [quantity(cell, table.decimal) for cell in top[1:]]
+    rising = [q[0] for q in times if q is not None and q[1] in ("", *TIME_UNITS)]
+    if table.named or len(top) < _FEW or len(rising) < len(times) or len({q[1] for q in times if q}) > 1:
+        return table
+    if (
+        number_of(top[0]) is not None
+        or meaning(top[0]).role in ("time", "scan")
+        or any(b <= a for a, b in itertools.pairwise(rising))
+    ):
+        return table
+    if not tell_strips([row[0] for row in table.rows[1:]]):
+        return table
+    return replace(table, names=tuple(top), rows=table.rows[1:], lines=table.lines[1:], named=True)
+
+
 def _of_bare_times(table: Table) -> Table | None:
     """Turn a table whose columns are named by nothing but times, as "100 ms", beside a column of the strip.
 
@@ -123,6 +144,7 @@ def _of_bare_times(table: Table) -> Table | None:
     if not unit and (len(steps) < 2 or np.ptp(steps) > _EVEN * steps.min()):
         return None
     word = f"time [{unit}]" if unit else "scan" if (steps == 1.0).all() else "time"
+    of_value = of_value or next((u for n in others if (u := unit_in(n)) in READING_UNITS), "")
     value = f"value [{of_value}]" if of_value else "value"
     scans = {n: m[1].replace(",", ".") for n, m in found.items()}
     return _with_scans_as_rows(table, scans, word, others, value)
