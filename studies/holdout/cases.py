@@ -9,10 +9,13 @@ from typing import TypeVar
 import numpy as np
 import shapely
 
+import tacstrip as ts
 from studies.holdout.readings import Unit, white
-from studies.holdout.shapes import CONCAVE, CONVEX, PLAIN, ROUNDED, Array, draw, is_convex
+from studies.holdout.shapes import CONCAVE, CONVEX, PLAIN, ROUNDED, UNUSUAL, Array, draw, is_convex
 
-SETS = ("convex", "pairs", "channels", "regions", "material", "rounded")
+SETS = ("convex", "pairs", "channels", "regions", "material", "rounded", "unusual", "wide")
+# Plain shapes whose unit is not what the estimator is told.
+MISTOLD = ("noise half told", "noise twice told", "supply", "offset", "ratio", "one contact")
 FAULTS = ("dead", "stuck", "saturated")
 _T = TypeVar("_T")
 _TURNS = 200  # tries to place something before another outline is drawn
@@ -69,6 +72,55 @@ def rounded(random: np.random.Generator) -> Case:
     strips = int(log_uniform(random, 12, 101))
     half_width = log_uniform(random, 0.0005, 0.01)
     return single(random, str(random.choice(ROUNDED)), strips, _some_names(random), half_width)
+
+
+def unusual(random: np.random.Generator) -> Case:
+    """Draw what no other set has: shapes, filled along the strips, wider than the sensor, or units not as told."""
+    strips, half_width = int(log_uniform(random, 8, 101)), log_uniform(random, 0.0005, 0.01)
+    kind, names = str(random.choice([*UNUSUAL, *MISTOLD, "over both borders"])), _some_names(random)
+    if kind in UNUSUAL:
+        case = single(random, kind, strips, names, half_width)
+        return replace(case, outlines=[filled(case.unit, case.outlines[0])])
+    case = single(random, str(random.choice(PLAIN)), strips, names, half_width)
+    unit, (outline,) = case.unit, case.outlines
+    if kind == "over both borders":
+        first = int(np.flatnonzero(np.isfinite(case.low))[0] + random.integers(1, 2 + case.strips // 8))
+        unit = replace(unit, strips=case.strips - int(random.integers(2, 3 + case.strips // 4)))
+        return _noisy(random, kind, unit, [outline - [first * unit.pitch, 0.0]], half_width)
+    of_unit, error = unit, case.read - unit.read(case.low, case.high)
+    if kind.startswith("noise"):
+        said = half_width * (0.5 if kind == "noise half told" else 2.0)
+        return replace(case, group=kind, half_width=said, told=True)
+    if kind == "ratio" and names != ("k",):
+        of_unit = replace(unit, ratio=unit.ratio * random.choice([0.9, 1.1]))
+    elif kind == "one contact":
+        of_unit = replace(unit, contact_lambda=unit.contact_lambda + 0.02 * unit.length)
+    read = of_unit.read(case.low, case.high)
+    if kind == "one contact":
+        others = np.arange(unit.strips) != random.choice(np.flatnonzero(np.isfinite(case.low)))
+        read = np.where(others, unit.read(case.low, case.high), read)
+    read = read * (random.choice([0.99, 1.01]) if kind == "supply" else 1.0)
+    read = read + (random.choice([-0.005, 0.005], (len(names), 1)) if kind == "offset" else 0.0)
+    return replace(case, group=kind, read=read + error)
+
+
+def wide(random: np.random.Generator) -> Case:
+    """Draw a convex shape on strips of metal as wide as .9 of the pitch, resolved across by the package itself."""
+    strips, half_width = int(log_uniform(random, 12, 61)), log_uniform(random, 0.0005, 0.005)
+    case = single(random, str(random.choice(CONVEX)), strips, ("k",), half_width)
+    unit = replace(case.unit, width=0.9 * case.unit.pitch, contact_lambda=0.25 * case.unit.pitch)
+    ideal = ts.simulate(replace(unit, bits=None).sensor, ts.Contact.polygon(case.outlines[0]))["k"][None]
+    read = ideal + white(ideal.shape, half_width, case.distribution, random)
+    return replace(case, unit=unit, read=read)
+
+
+def filled(unit: Unit, outline: Array) -> Array:
+    """Return an outline filled along the strips: all that readings can tell of it."""
+    fine = replace(unit, strips=32 * unit.strips, pitch=unit.pitch / 32)
+    low, high = fine.touched([outline])
+    on = np.isfinite(low)
+    lower, upper = (np.column_stack([fine.x[on], y[on]]) for y in (low, high))
+    return np.concatenate([lower, upper[::-1]])
 
 
 def pairs(random: np.random.Generator) -> Case:

@@ -22,6 +22,7 @@ class Unit:
     contact_lambda: float = 0.0
     ratio: float = 1.0
     bits: int | None = None
+    width: float | None = None  # of a strip [mm]; None: it reads on its centre line
 
     @property
     def x(self) -> Array:
@@ -38,6 +39,7 @@ class Unit:
             pitch_mm=self.pitch,
             length_mm=self.length,
             contact_lambda_mm=self.contact_lambda,
+            strip_width_mm=self.width,
             adc_bits=self.bits,
             resistivity_ratio=1.0 if metal else self.ratio,
         )

@@ -92,8 +92,8 @@ def judged(case: Case, result: ts.Reconstruction) -> Row:
 
 
 def score_convex(seed: int, mode: str, number: int, which: str = "convex") -> list[Row]:
-    """Fit one convex shape, or one of the rounded families."""
-    case = {"convex": cases.convex, "rounded": cases.rounded}[which](cases.rng(which, seed, number))
+    """Fit one convex shape, or one of the rounded families, or a set that is counted likewise."""
+    case = getattr(cases, which)(cases.rng(which, seed, number))
     return [judged(case, fit(case.unit, case.unit.scan(case.read), told_noise(case), **MODES[mode]))]
 
 
@@ -357,6 +357,8 @@ SCORES: dict[str, tuple[Callable[[int, str, int], list[Row]], Callable[[list[Row
     "regions": (score_regions, table_regions),
     "material": (score_material, table_material),
     "rounded": (partial(score_convex, which="rounded"), table_convex),
+    "unusual": (partial(score_convex, which="unusual"), table_convex),
+    "wide": (partial(score_convex, which="wide"), table_convex),
 }
 
 

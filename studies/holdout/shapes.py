@@ -1,4 +1,4 @@
-"""Outlines (N, 2), counter-clockwise, of any size and place: convex in twelve categories, rounded, and concave."""
+"""Outlines (N, 2), counter-clockwise, of any size and place: convex, rounded, concave, and what others draw."""
 
 from __future__ import annotations
 
@@ -32,17 +32,30 @@ ROUNDED = (
     "rounded pentagon",
 )
 CONCAVE = ("L", "dart", "star", "notched", "crescent")
+UNUSUAL = ("letter", "touching", "bowed", "bar")
+# Boxes (left, bottom, right, top) that letters are made of.
+_LETTERS = (
+    ((0.0, 0.75, 1.0, 1.0), (0.35, 0.0, 0.65, 1.0)),  # T
+    ((0.0, 0.0, 0.3, 1.0), (0.7, 0.0, 1.0, 1.0), (0.0, 0.35, 1.0, 0.65)),  # H
+    ((0.0, 0.0, 0.3, 1.0), (0.7, 0.0, 1.0, 1.0), (0.0, 0.0, 1.0, 0.3)),  # U
+    ((0.0, 0.0, 0.3, 1.0), (0.0, 0.0, 0.8, 0.2), (0.0, 0.4, 0.8, 0.6), (0.0, 0.8, 0.8, 1.0)),  # E
+    ((0.0, 0.0, 0.65, 0.4), (0.35, 0.3, 0.65, 0.7), (0.35, 0.6, 1.0, 1.0)),  # Z
+    ((0.35, 0.0, 0.65, 1.0), (0.0, 0.35, 1.0, 0.65)),  # a plus
+)
 _LEAST_FILL = 0.25  # of the bounding box: no slivers
 
 
 def draw(category: str, random: np.random.Generator) -> Array:
-    """Return an outline of a category of `CONVEX`, `ROUNDED` or `CONCAVE`, about 1 in size.
+    """Return an outline of a category of `CONVEX`, `ROUNDED`, `CONCAVE` or `UNUSUAL`, about 1 in size.
 
     A weak corner is added, and a border crossed, once the sensor is known: here these are hulls, or plain shapes.
     """
+    of_family = _rounded if category in ROUNDED else _unusual if category in UNUSUAL else _draw
     while True:
-        outline = counter_clockwise((_rounded if category in ROUNDED else _draw)(category, random))
-        if shapely.Polygon(outline).area > _LEAST_FILL * float(np.prod(np.ptp(outline, axis=0))):
+        outline = counter_clockwise(of_family(category, random))
+        if category == "bar" or shapely.Polygon(outline).area > _LEAST_FILL * float(
+            np.prod(np.ptp(outline, axis=0))
+        ):
             return outline
 
 
@@ -147,6 +160,32 @@ def _rounded(category: str, random: np.random.Generator) -> Array:
                 :-1
             ]
     return turned(outline, random.uniform(0.0, 2.0 * np.pi) if random.random() < 0.7 else 0.0)
+
+
+def _unusual(category: str, random: np.random.Generator) -> Array:
+    """Return what others draw first."""
+    turn, first = random.uniform(0.0, 2.0 * np.pi), _draw(str(random.choice(PLAIN)), random)
+    match category:
+        case "letter":
+            boxes = _LETTERS[random.integers(len(_LETTERS))]
+            outline = np.array(shapely.union_all([shapely.box(*box) for box in boxes]).exterior.coords)[:-1]
+            turn = 0.5 * np.pi * random.integers(4) if random.random() < 0.5 else turn
+            return turned(outline * [1.0, random.uniform(0.7, 1.5)], turn)
+        case "touching":  # the middle of a second one lies on the first one's edge
+            second = _draw(str(random.choice(PLAIN)), random)
+            at = shapely.Polygon(first).exterior.interpolate(random.random(), normalized=True)
+            size = random.uniform(0.3, 1.0) * np.ptp(first, axis=0).min() / np.ptp(second, axis=0).max()
+            both = size * (second - second.mean(axis=0)) + np.array([at.x, at.y]), first
+            return np.array(shapely.union_all([shapely.Polygon(o) for o in both]).exterior.coords)[:-1]
+        case "bowed":  # edges are arcs, outward or, fewer, inward
+            corners = counter_clockwise(_draw(str(random.choice(["triangle", "trapezoid"])), random))
+            along, edge = np.arange(16)[:, None] / 16, np.roll(corners, -1, axis=0) - corners
+            bow = random.uniform(-0.06, 0.1, (len(corners), 1)) * np.stack([edge[:, 1], -edge[:, 0]], axis=1)
+            arcs = corners[:, None] + along * edge[:, None] + 4.0 * along * (1.0 - along) * bow[:, None]
+            return arcs.reshape(-1, 2)
+        case _:
+            thin = np.exp(random.uniform(np.log(0.02), np.log(0.2)))
+            return turned(np.array([(0.0, 0.0), (1.0, 0.0), (1.0, thin), (0.0, thin)]), turn)
 
 
 def _hull(random: np.random.Generator) -> Array:

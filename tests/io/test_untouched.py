@@ -125,6 +125,18 @@ def test_a_good_shape_over_all_strips_stays_good() -> None:
     assert ts.fit_polygon(ts.simulate(sensor, contact), sensor).status == "ok"
 
 
+def test_round_and_pointed_ones_over_all_strips_stay_good() -> None:
+    """Of what is round advice names two objects, too; a tip's first strips read nearly alike."""
+    sensor, noise = _sensor("crs-crs", 16), ts.Noise(positional=0.002)
+    w, angle = sensor.width_mm, np.linspace(0.0, 2.0 * np.pi, 96, endpoint=False)
+    disc = np.column_stack([0.5 * w + 0.6 * w * np.cos(angle), 50.0 + 35.0 * np.sin(angle)])
+    tip = np.array([(0.0, 20.0), (w, 20.0 + 0.7 * sensor.length_mm), (w, 20.0 + 0.16 * sensor.length_mm)])
+    for outline in (disc, tip):
+        scan = ts.simulate(sensor, ts.Contact.polygon(outline), noise, rng=0)
+        found = ts.fit_polygon(scan, sensor, noise, assessment="fast")
+        assert (found.status, "rest_volt" in found.advice) == ("ok", False)
+
+
 def test_a_wrong_rest_level_is_told_too() -> None:
     random = np.random.default_rng(3)
     sensor = replace(_sensor("crs-crs"), rest_volt=0.0, touch_volt=0.05)

@@ -26,8 +26,7 @@ _BITS = (8, 10, 12, 14)  # of converters that are common
 _ASPECT = 0.55  # standard deviation of the logarithm of objects' extent along the strips over that across
 _BORDER = 0.05  # of the smaller scale: what ends below it may be cut by the border, and looks flat for that
 SCALE = "all that touches is flat and lies near y = 0"
-# In advice: what an untouched strip with readings looks like.
-_STRANGE = ("does not fit its neighbours", "two objects on the same strips")
+_STRANGE = "does not fit its neighbours"  # in advice: what an untouched strip with readings looks like
 _WIDE = 2.5  # strips: narrower ones do not tell
 _PLACES = 3  # more of them are not taken for more
 _ODDS = 4.0  # logarithm of the odds beyond which readings are taken for another scale's
@@ -37,9 +36,7 @@ def doubt_implausible(result: Reconstruction, scan: Scan, sensor: Sensor) -> Rec
     """Return the result; where the readings are implausible "doubtful" in place of "ok", and with advice."""
     # An untouched strip with readings contradicts the others in both, a faulty channel in one.
     told = [o.advice for o in result.objects if not o.faulty]
-    failed = result.status not in ("ok", "likely") or any(
-        said in advice for said in _STRANGE for advice in told
-    )
+    failed = result.status not in ("ok", "likely") or any(_STRANGE in advice for advice in told)
     # Nor does one pass for the border of strips at rest: without it a contact explains all others.
     faulty = not failed and any(o.faulty for o in result.objects)
     hint = implausible_hint(scan, sensor, failed, [o.vertices for o in result.objects], faulty)

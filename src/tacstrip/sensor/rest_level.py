@@ -125,11 +125,11 @@ def _jumps(k: FloatArray, level: float, rest: BoolArray) -> list[bool]:
     both = rest[:2].all() and rest[-2:].all()
     for i in np.flatnonzero(rest[1:] != rest[:-1]):
         inner, step = (i + 1, 1) if rest[i] else (i, -1)  # the first strip in contact, and the way on
-        jump = np.abs(k[:, inner] - level)
+        jump = float(np.abs(k[:, inner] - level).max())
         after = inner + step
         if not 0 <= after < len(rest):  # one strip at the sensor's border: an edge may be as steep
             found.append(False)
             continue
-        on = 0.0 if both or rest[after] or len(k) > 1 else np.abs(k[:, after] - k[:, inner])
-        found.append(bool(((jump > _JUMP) & (jump > _STEEPER * on)).any()))
+        on = 0.0 if both or rest[after] else float(np.abs(k[:, after] - k[:, inner]).max())
+        found.append(jump > max(_JUMP, _STEEPER * on))
     return found

@@ -37,6 +37,7 @@ _CONSTANT, _FACTOR, _APART = -1.0, 0.7, 2.2
 # height, and what parallel sides tell, within so many deviations of chi square.
 _OF_CONVEX, _BY_JUMP, _BY_WIDTH, _TIP = -0.25, 3.85, 1.45, 0.05
 _BY_PARALLEL, _PARALLEL = -3.0, 3.0
+_NORMAL = math.sqrt(2.0 * math.pi)
 _LEAST = 0.01  # probability by that prior, from which two objects are told
 
 
@@ -56,11 +57,14 @@ class Pair:
         Outlines of what is seen of them (N, 2) [mm], counter-clockwise.
     probability
         Of two objects, if it is these or one concave object, and both are met as often.
+    one_convex
+        Whether it is one convex object else.
     """
 
     lower: FloatArray
     upper: FloatArray
     probability: float
+    one_convex: bool = False
 
     def overlap(self, outline: FloatArray) -> float:
         """Return the IoU of an outline (N, 2) [mm] with both together."""
@@ -111,14 +115,30 @@ def likeliest_pair(
         fitted, _ = convex_regression(ends.x[own], y[side, own], weight[side, own])
         return fitted, float((weight[side, own] * (y[side, own] - fitted) ** 2).sum())
 
-    least = sum(
-        chain(side, a, b, True)[1]
-        for side in (0, 1)
-        for a, b in pairwise(sorted({0, *([] if corners is None else corners[side]), n}))
-    )
+    def alone(side: int, cuts: Sequence[int]) -> float:
+        """Return the chi square of one object's chain that is convex between cuts."""
+        return sum(chain(side, a, b, True)[1] for a, b in pairwise(sorted({0, *cuts, n})))
+
+    @cache
+    def least(side: int, cuts: tuple[int, ...]) -> float:
+        """Return what one object's chain leaves that rises before the same strips as a pair's.
+
+        Its corner may lie a strip away, if that strip lies on the edge between: by a chance of its noise to the rise.
+        """
+        own = [] if corners is None else list(corners[side])
+        found = alone(side, own)
+        for cut in cuts:
+            if near := [i for i in own if abs(i - cut) == 1]:
+                on, rise = min(cut, near[0]), abs(y[side, cut] - y[side, cut - 1])
+                chance = 2.0 * math.log(max(rise / (_NORMAL * ends.sigma[side, on]), 1.0))
+                same = alone(side, [cut if i == near[0] else i for i in own])
+                found += min(max(same - found, 0.0), chance)
+        return found
+
     for both in _places(n, places):
         # Where the lower object is, l is its; where the upper one is, u is its; elsewhere the other's.
-        more, parts = -least, ([], [])  # type: float, tuple[list[FloatArray], ...]
+        more = -sum(least(side, tuple(i for i in place if 0 < i < n)) for side, place in enumerate(both))
+        parts: tuple[list[FloatArray], ...] = ([], [])
         for (side, place), inside in product(enumerate(both), (True, False)):
             if limit - 0.5 * max(more, 0.0) <= best:
                 break
@@ -134,7 +154,7 @@ def likeliest_pair(
     if found is None:
         return None
     odds = best if corners is None else _CONSTANT + _FACTOR * best + _APART * apart
-    return Pair(*found, 1.0 / (1.0 + math.exp(-odds)))
+    return Pair(*found, 1.0 / (1.0 + math.exp(-odds)), corners is None)
 
 
 def _strips(n: int, begin: int, end: int) -> BoolArray:

@@ -180,7 +180,7 @@ def reconstruct_object(
         confidence, alternatives, sure = beside_pair(pair, confidence, alternatives)
         if not wrong:
             right = pair.overlap(outline.vertices) >= PROMISED_IOU
-            wrong, note = two_objects(pair.probability, right, sure)
+            wrong, note = two_objects(pair, right, sure)
     if two and not wrong:
         wrong = _FEW_TELL.format(run.problem.x.size, two)
         confidence = None if confidence is None else (1.0 - two) * confidence

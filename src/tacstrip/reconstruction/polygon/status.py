@@ -34,7 +34,8 @@ _FAR_AREA = 3.0  # deviations between an area that was given and the one that th
 # Confidence that is enough: of few strips with one signature 1 in 10 is wrong even of the surest.
 _NEVER = 2.0
 _NAMED = 5  # strips that advice names
-# Probability of two objects: that the outline overlaps less than "ok" promises, and is doubted; less is not told.
+# Probability of two objects: where the outline is concave and overlaps them less than "ok" promises it is doubted, and
+# as any other outline that is less sure; less than the second is not told.
 _OTHER, _NOTED = 0.14, 0.05
 OTHERS = (
     "the best outline of few corners is off by {:.2g} % of Vref, and others explain the readings too: {}, or give the "
@@ -102,18 +103,20 @@ def beside_pair(
     return None if confidence is None else sure, ordered, sure
 
 
-def two_objects(probability: float, right: bool, confidence: float) -> tuple[str, str]:
+def two_objects(pair: Pair, right: bool, confidence: float) -> tuple[str, str]:
     """Return advice that doubts an outline which two objects explain too, or, where it stays, a note of that.
 
     `right` is whether the outline overlaps both together as `ok` promises: then only their number is open.
     """
     told = (
-        f"two objects on the same strips explain the readings too, with a probability of {probability:.2f} (see the "
-        "alternatives): slide or turn the contact and track it, or add a second layer, to tell"
+        f"two objects on the same strips explain the readings too, with a probability of {pair.probability:.2f} (see "
+        "the alternatives): slide or turn the contact and track it, or add a second layer, to tell"
     )
-    if confidence < ENOUGH or (probability >= _OTHER and not right):
+    if confidence < ENOUGH or (pair.probability >= _OTHER and not right and not pair.one_convex):
         return told, ""
-    return "", told + ("; the outline holds either way" if right else "") if probability >= _NOTED else ""
+    return "", told + (
+        "; the outline holds either way" if right else ""
+    ) if pair.probability >= _NOTED else ""
 
 
 def status_of(
