@@ -23,6 +23,7 @@ from tacstrip.reconstruction.known_object.readings import (
     GUESS,
     PoseFit,
     corners_of,
+    cost_of,
     distinct,
     freedom_of,
     from_beside,
@@ -206,8 +207,11 @@ def _placed(
     whole = replace(fit, weight=before.astype(float)).with_sigma(sigma, poses[0])
     if known is None:
         fit = fit.with_sigma(sigma, poses[0])
-    poses, cost = fit.descend(poses, _FINE_STEPS)
-    found = _weighed(fit, distinct(fit, poses, cost), known, noise, averaging)
+    poses = distinct(fit, *fit.descend(poses, _FINE_STEPS))
+    beside = from_beside(fit, poses[:1], _FINE_STEPS)
+    poses = np.concatenate([poses, beside])
+    poses = distinct(fit, poses, np.array([cost_of(fit, pose) for pose in poses]))
+    found = _weighed(fit, poses, known, noise, averaging)
     best, *others = found
     sure = probability_of(found)
     mirrored = [one for one in others if one.mirrored]
@@ -249,9 +253,8 @@ def _weighed(
         errors, covariance = errors_at(one, at, noise, averaging), one.covariance(at)
         if errors is not None:
             covariance = errors.propagated(covariance)
-        elif known is None:  # Student's: sigma is itself estimated
-            freedom = max(freedom_of(fit), 3)
-            covariance = covariance * freedom / (freedom - 2.0)
+        elif known is None:  # sigma is itself estimated
+            covariance = covariance * region_of_unknown(fit.parameters, freedom_of(fit))
         weight = math.log(FLIPPED if is_mirrored else 1.0 - FLIPPED)
         weight += log_evidence(one, at, known, freedom_of(fit))
         weight += 0.5 * math.log(max(float(np.linalg.det(covariance)), 1e-300))
@@ -305,6 +308,13 @@ def _vertices(corners: FloatArray, pose: FloatArray, covariance: FloatArray) -> 
     slope[:, 0, 2], slope[:, 1, 2] = pose[1] - posed[:, 1], posed[:, 0] - pose[0]
     flat = slope.reshape(-1, 3)
     return posed, np.asarray(flat @ covariance[:3, :3] @ flat.T)
+
+
+def region_of_unknown(numbers: int, freedom: int) -> float:
+    """Return by how much a 95 % region grows where `freedom` residuals tell sigma: F over chi square."""
+    from scipy.special import chdtri, fdtri
+
+    return float(numbers * fdtri(numbers, max(freedom, 3), 0.95) / chdtri(numbers, 0.05))
 
 
 def errors_at(
