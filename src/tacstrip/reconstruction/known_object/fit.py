@@ -22,8 +22,8 @@ from tacstrip.reconstruction.implausible import doubt_implausible
 from tacstrip.reconstruction.known_object.readings import (
     GUESS,
     PoseFit,
+    across_upright_edges,
     corners_of,
-    cost_of,
     distinct,
     freedom_of,
     from_beside,
@@ -207,11 +207,8 @@ def _placed(
     whole = replace(fit, weight=before.astype(float)).with_sigma(sigma, poses[0])
     if known is None:
         fit = fit.with_sigma(sigma, poses[0])
-    poses = distinct(fit, *fit.descend(poses, _FINE_STEPS))
-    beside = from_beside(fit, poses[:1], _FINE_STEPS)
-    poses = np.concatenate([poses, beside])
-    poses = distinct(fit, poses, np.array([cost_of(fit, pose) for pose in poses]))
-    found = _weighed(fit, poses, known, noise, averaging)
+    poses, cost = fit.descend(poses, _FINE_STEPS)
+    found = _weighed(fit, distinct(fit, poses, cost), known, noise, averaging)
     best, *others = found
     sure = probability_of(found)
     mirrored = [one for one in others if one.mirrored]
@@ -253,8 +250,10 @@ def _weighed(
         errors, covariance = errors_at(one, at, noise, averaging), one.covariance(at)
         if errors is not None:
             covariance = errors.propagated(covariance)
-        elif known is None:  # sigma is itself estimated
-            covariance = covariance * region_of_unknown(fit.parameters, freedom_of(fit))
+        else:
+            covariance = across_upright_edges(one, at, covariance)
+            if known is None:  # sigma is itself estimated
+                covariance = covariance * region_of_unknown(fit.parameters, freedom_of(fit))
         weight = math.log(FLIPPED if is_mirrored else 1.0 - FLIPPED)
         weight += log_evidence(one, at, known, freedom_of(fit))
         weight += 0.5 * math.log(max(float(np.linalg.det(covariance)), 1e-300))
