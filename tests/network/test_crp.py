@@ -20,6 +20,7 @@ from tacstrip.network.crp.factored import FactoredScan
 from tacstrip.network.crp.inversion import constrained_step
 from tacstrip.network.crp.mesh import SheetMesh, Wiring
 from tacstrip.network.crp.readings import contact_electrodes, measurements
+from tacstrip.network.crp.spectral import exponential_lobatto
 from tacstrip.network.nodal import solve, solve_measurement
 
 L = 100.0
@@ -474,3 +475,19 @@ def test_options_that_do_not_exist() -> None:
     l, u = np.array([10.0, np.nan]), np.array([30.0, np.nan])
     with pytest.raises(NetworkError, match="electrodes 'some' does not exist; choose one of: own, all"):
         crp_spans.covariance(sensor, l, u, electrodes="some")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("width_over_decay", [2.0, 10.0, 80.0])
+def test_a_strip_across_holds_what_a_contact_makes_there(width_over_decay: float) -> None:
+    """Energy and mean square of x^2 and of what decays from a side, against their integrals over [-1/2, 1/2]."""
+    weights, stiffness = exponential_lobatto(width_over_decay)
+    # The nodes between are where the mean square of x comes out.
+    inner = np.sqrt((1.0 / 12.0 - 0.5 * weights[0]) / (2.0 * weights[1]))
+    x = np.array([-0.5, -inner, 0.0, inner, 0.5])
+    t = width_over_decay
+    decaying = np.exp(-t * (0.5 - x))
+    assert weights.sum() == pytest.approx(1.0)
+    assert x**2 @ stiffness @ x**2 == pytest.approx(1.0 / 3.0)
+    assert decaying @ stiffness @ decaying == pytest.approx(0.5 * t * -np.expm1(-2.0 * t))
+    even = decaying + decaying[::-1]
+    assert weights @ even**2 == pytest.approx(-np.expm1(-2.0 * t) / t + 2.0 * np.exp(-t))

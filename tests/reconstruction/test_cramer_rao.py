@@ -17,6 +17,7 @@ from tacstrip.arrays import FloatArray
 from tacstrip.errors import ContactError, ReadingError, SignatureError
 from tacstrip.fisher import covariance
 from tacstrip.geometry.outline import Outline
+from tacstrip.network.strips.resolved import wide_readings
 from tacstrip.reconstruction.cramer_rao import (
     reading_sigma,
     vertex_covariance,
@@ -277,3 +278,28 @@ def test_without_a_closed_form_the_network_says_what_the_vertices_move() -> None
             moved.append(np.concatenate([kh[touched], kl[touched]]))
         np.testing.assert_allclose(slope[:, at], (moved[0] - moved[1]) / (2.0 * step), rtol=1e-4, atol=1e-8)
     assert np.isfinite(vertex_covariance(outline, sensor, 1e-3)).all()
+
+
+@pytest.mark.parametrize(
+    "vertices", [[(11, 30), (69, 30), (69, 70), (11, 70)], [(30, 20), (45, 50), (38, 75)]]
+)
+def test_limits_of_wide_strips_are_those_of_resolved_ones(vertices: list[tuple[float, float]]) -> None:
+    """A vertex that moves by its deviation moves readings as `wide_readings` say, to 1e-4 of Vref.
+
+    Strips that corners lie on or that are covered in part were off by 1.2e-3 and 1e-2.
+    """
+    sensor = a_sensor(strips=16, pitch_mm=5.0, strip_width_mm=4.0)
+    outline = Outline.of(vertices)
+    slope = vertex_jacobian(outline, sensor, resolved=True)
+    deviation = np.sqrt(np.diag(vertex_covariance(outline, sensor, 0.003, resolved=True)))
+    step = 0.02
+    for at in range(slope.shape[1]):
+        read = []
+        for sign in (1.0, -1.0):
+            moved = outline.vertices.ravel().copy()
+            moved[at] += sign * step
+            k = wide_readings(sensor, ts.Contact.polygon(moved.reshape(-1, 2)))
+            read.append(np.concatenate([k[name][~np.isnan(k[name])] for name in sensor.signatures]))
+        np.testing.assert_allclose(
+            slope[:, at] * deviation[at], (read[0] - read[1]) / (2 * step) * deviation[at], atol=1e-4
+        )

@@ -21,7 +21,7 @@ from tacstrip.reconstruction.noise_covariance import (
     reading_variance,
     signature_jacobians,
 )
-from tacstrip.reconstruction.strip_width import across, end_slopes, equivalent_ends
+from tacstrip.reconstruction.strip_width import across, end_slopes, equivalent_ends, resolved_slopes
 from tacstrip.sensor.left_out import left_out
 from tacstrip.sensor.spec import Sensor
 
@@ -41,6 +41,7 @@ def vertex_jacobian(
     sensor: Sensor,
     signatures: Iterable[str] | None = None,
     x_mm: npt.ArrayLike | None = None,
+    resolved: bool = False,
 ) -> FloatArray:
     """Return the slopes of readings by `vertices.ravel()` (readings, 2 V) [1/mm]; arguments as `vertex_covariance`.
 
@@ -57,11 +58,13 @@ def vertex_jacobian(
     if not sensor.kind.closed_form:
         return _network_slopes(outline, sensor, names, x)
     share = (touched / touched.sum(axis=1, keepdims=True))[..., None]
-    slopes = (slope.reshape(*lines.shape, slope.shape[-1]) for slope in outline.jacobian(lines.ravel()))
-    by_l, by_u = ((np.nan_to_num(slope) * share).sum(axis=1) for slope in slopes)
+    each = (slope.reshape(*lines.shape, slope.shape[-1]) for slope in outline.jacobian(lines.ravel()))
+    by_l, by_u = ((np.nan_to_num(slope) * share).sum(axis=1) for slope in each)
     if lines.shape[1] > 1:  # of a strip that is covered in part, the mean height is all that is counted
         covered = touched.all(axis=1)
         by_l[covered], by_u[covered] = end_slopes(sensor, outline, x[covered])
+        for strip, slopes in resolved_slopes(sensor, outline, x) if resolved else ():
+            by_l[strip], by_u[strip] = slopes
     of_ends = signature_jacobians(sensor, *_ends(sensor, outline, x))
     pairs = [(*of_ends[n], _read(sensor, n, x)) for n in names]
     return np.concatenate([(a[:, None] * by_l + b[:, None] * by_u)[there] for a, b, there in pairs])
@@ -93,6 +96,7 @@ def vertex_covariance(
     sigma: float | Noise,
     signatures: Iterable[str] | None = None,
     x_mm: npt.ArrayLike | None = None,
+    resolved: bool = False,
 ) -> FloatArray:
     """Return the bound of the vertices' covariance (2 V, 2 V) [mm^2], in the order of `vertices.ravel()`.
 
@@ -112,6 +116,8 @@ def vertex_covariance(
     x_mm
         Centre lines of the strips that are read [mm]; all of the sensor's by default. Strips that the outline
         does not touch are left out.
+    resolved
+        Whether wide strips with a corner on them or covered in part are resolved across their width; some .1 s.
 
     Returns
     -------
@@ -136,7 +142,7 @@ def vertex_covariance(
     >>> bound.shape, round(ts.vertex_rms(bound), 3)
     ((8, 8), 0.088)
     """
-    slopes = vertex_jacobian(outline, sensor, signatures, x_mm)
+    slopes = vertex_jacobian(outline, sensor, signatures, x_mm, resolved)
     if not isinstance(sigma, Noise):
         return covariance_with_x_priors(outline, sensor, slopes / checked_sigma(sigma))
     checked_sigma(reading_sigma(sigma, sensor) + sigma.edge_mm + sigma.gain)

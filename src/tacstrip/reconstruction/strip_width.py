@@ -8,14 +8,17 @@ fitted, what the width adds to the outline found is taken from them, and what is
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.contact.boundary_integrals import Charges
+from tacstrip.contact.resolved_ends import resolved_ends
+from tacstrip.contact.shape import Contact
 from tacstrip.contact.signature import signatures
+from tacstrip.contact.strip_width import wide_ends
 from tacstrip.geometry.outline import Outline
 from tacstrip.sensor.slant import PARTS, edge_read
 from tacstrip.sensor.spec import Sensor
@@ -23,6 +26,7 @@ from tacstrip.sensor.spec import Sensor
 _ENOUGH = 8  # strips: of fewer none is left out
 _SAME = 1e-9  # of the width: closer to a side is on it; shorter edges are none
 _STEP = 1e-3  # of the pitch, for differences
+_RESOLVED_STEP = 5e-3  # of the width, for differences of boundary integrals
 PARTIAL_STRIPS = 1  # strips at either end of a contact that may be covered in part
 
 
@@ -154,6 +158,32 @@ def end_slopes(sensor: Sensor, outline: Outline, x: FloatArray) -> tuple[FloatAr
         slopes[:, index] = ((ends[1] - ends[0]) / (2.0 * step)).T.reshape(len(x), *chain.shape)
         found.append(slopes.reshape(len(x), -1))
     return found[0], found[1]
+
+
+def resolved_slopes(sensor: Sensor, outline: Outline, x: FloatArray) -> Iterator[tuple[int, FloatArray]]:
+    """Yield strips at x (n,) [mm] that no closed form fits, and the ends' slopes by `vertices.ravel()` (2, 2 V).
+
+    Those that a corner lies on, that are covered in part, or that edges near each other cross: by differences of
+    boundary integrals. Contact resistance counts as it does where edges are straight.
+    """
+    ideal = replace(sensor, contact_lambda_mm=0.0)
+    exact = wide_ends(ideal, [Contact.polygon(outline.vertices)]).exact[0]
+    vertices, half, step = outline.vertices, 0.5 * sensor.strip_width, _RESOLVED_STEP * sensor.strip_width
+    near = np.stack([np.roll(vertices[:, 0], k) for k in (1, 0, -1)])
+    for i in np.flatnonzero(~exact[np.abs(sensor.x_mm - x[:, None]).argmin(axis=1)]):
+        over = (near.min(axis=0) < x[i] + half) & (near.max(axis=0) > x[i] - half)
+        slopes = np.zeros((2, vertices.size))
+        for at in np.flatnonzero(np.repeat(over, 2)):
+            move = step * (np.arange(vertices.size) == at).reshape(vertices.shape)
+            ahead, behind = (
+                resolved_ends([shapely.Polygon(vertices + sign * move)], x[i], 2.0 * half, sensor.length_mm)
+                for sign in (1.0, -1.0)
+            )
+            if ahead is None or behind is None:
+                break
+            slopes[:, at] = np.subtract(ahead, behind) / (2.0 * step)
+        else:
+            yield int(i), slopes
 
 
 def remove_width_effect(

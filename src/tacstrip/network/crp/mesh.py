@@ -1,6 +1,6 @@
 """CRS-CRP (3.3) as resistors: strips over one uniform resistive sheet, n pitches wide and L long.
 
-The sheet is cut into columns across (`spectral`: two to eight a pitch, as lambda asks for) and has nodes every h = L
+The sheet is cut into columns across (`spectral`: two or four a strip, as lambda asks for) and has nodes every h = L
 / rows along, the edges included. Potentials depend on ratios only, so an energised strip has r0 = 1 per [mm]. With
 the sheet's square resistance Rs = resistivity_ratio r0 b (b: strip width), a column that stands for a width c has Rs
 / c per [mm]. A contact conducts g = 1 / ((r0 + r1) lambda^2) per [mm] over [l, u], r1 = Rs / pitch, spread evenly
@@ -19,6 +19,7 @@ what that shifts them, for the transfer length T = lambda tanh(w / 2 lambda) by 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
 
@@ -118,7 +119,8 @@ class SheetMesh:
             raise SpecError(f"rows = {rows}: a mesh needs 2 cells or more over the length")
         square = ratio * sensor.strip_width
         g = 1.0 / ((1.0 + square / sensor.pitch_mm) * lam**2)
-        pitch = PitchElements.of(sensor.pitch_mm, sensor.strip_width, lam, coarse)
+        decay = math.sqrt(sensor.strip_width / (square * g))  # lambda, across: the strip itself is one node
+        pitch = PitchElements.of(sensor.pitch_mm, sensor.strip_width, decay, coarse)
         return cls(sensor.strips, rows, sensor.length_mm, lam, square, g, pitch, wiring or Wiring())
 
     @property

@@ -22,6 +22,7 @@ from tacstrip.reconstruction.implausible import doubt_implausible
 from tacstrip.reconstruction.known_object.readings import (
     GUESS,
     PoseFit,
+    across_upright_edges,
     corners_of,
     distinct,
     freedom_of,
@@ -212,13 +213,13 @@ def _placed(
     sure = probability_of(found)
     mirrored = [one for one in others if one.mirrored]
     status, advice, explained = judged(fit, whole, best, known, distribution, sure, mirrored)
-    vertices, covariance = _vertices(corners, best.pose, best.covariance)
+    vertices, covariance = _vertices(corners, best.pose, _stated(best))
     l, u = (end[0] for end in fit.ends(best.pose[None])[:2])
     alternatives = tuple(
         Alternative(
             one.weight,
             _vertices(one.fit.corners, one.pose, one.covariance)[0],
-            None if one.mirrored else _pose(one.pose, one.covariance),
+            None if one.mirrored else _pose(one.pose, _stated(one)),
         )
         for one in others
         if explained and one.weight >= _UNLIKELY
@@ -232,7 +233,7 @@ def _placed(
     return RecoveredObject(
         run, vertices, (fit.x_mm, l, u), covariance, status, "; ".join(n for n in notes if n),
         confidence=sure if explained and (status == "ok" or sure < PROBABLE) else None,  # else it is not the question
-        alternatives=alternatives, pose=_pose(best.pose, best.covariance),
+        alternatives=alternatives, pose=_pose(best.pose, _stated(best)),
     )  # fmt: skip
 
 
@@ -249,9 +250,8 @@ def _weighed(
         errors, covariance = errors_at(one, at, noise, averaging), one.covariance(at)
         if errors is not None:
             covariance = errors.propagated(covariance)
-        elif known is None:  # Student's: sigma is itself estimated
-            freedom = max(freedom_of(fit), 3)
-            covariance = covariance * freedom / (freedom - 2.0)
+        elif known is None:  # sigma is itself estimated
+            covariance = covariance * region_of_unknown(fit.parameters, freedom_of(fit))
         weight = math.log(FLIPPED if is_mirrored else 1.0 - FLIPPED)
         weight += log_evidence(one, at, known, freedom_of(fit))
         weight += 0.5 * math.log(max(float(np.linalg.det(covariance)), 1e-300))
@@ -262,6 +262,10 @@ def _weighed(
     found.sort(key=lambda one: -one.weight)
     best = next(one for one in found if not one.mirrored)
     return [best, *(one for one in found if one is not best)]
+
+
+def _stated(one: Hypothesis) -> FloatArray:
+    return one.covariance if one.errors else across_upright_edges(one.fit, one.pose, one.covariance)
 
 
 def _pose(pose: FloatArray, covariance: FloatArray) -> Pose:
@@ -305,6 +309,13 @@ def _vertices(corners: FloatArray, pose: FloatArray, covariance: FloatArray) -> 
     slope[:, 0, 2], slope[:, 1, 2] = pose[1] - posed[:, 1], posed[:, 0] - pose[0]
     flat = slope.reshape(-1, 3)
     return posed, np.asarray(flat @ covariance[:3, :3] @ flat.T)
+
+
+def region_of_unknown(numbers: int, freedom: int) -> float:
+    """Return by how much a 95 % region grows where `freedom` residuals tell sigma: F over chi square."""
+    from scipy.special import chdtri, fdtri
+
+    return float(numbers * fdtri(numbers, max(freedom, 3), 0.95) / chdtri(numbers, 0.05))
 
 
 def errors_at(

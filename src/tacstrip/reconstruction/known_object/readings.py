@@ -31,6 +31,9 @@ _SETTLED, _SETTLED_SHARE = 1e-3, 1e-4  # gain in chi square that ends a descent,
 _PROMISE = 4.0  # times what a descent's step would gain: no worse than this it may end
 _RAIL = 0.05  # of Vref: nearer to ground or Vref the contact may lie over the border
 _PARTLY = 0.1  # of the width: how far off a strip is modelled that a corner or a steep edge lies on
+# Where x's deviation is so many times less than half a pitch, places on either side and descents there; moments so
+# many times the variance count.
+_FURTHER, _PLACES, _PLACE_STEPS, _WIDER = 4.0, 16, 4, 2.0
 _LEAST_NOISE = 2e-4  # of Vref: sensors that read better are compared with that
 
 
@@ -319,6 +322,36 @@ def distinct(fit: PoseFit, poses: FloatArray, cost: FloatArray) -> FloatArray:
         if len(kept) < STARTS and not any((np.abs(_difference(pose, other)) <= near).all() for other in kept):
             kept.append(pose)
     return np.array(kept)
+
+
+def across_upright_edges(fit: PoseFit, pose: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return the covariance (P, P) of a pose (4,), or its second moments where x may lie much further off than it says.
+
+    Where a strip grazes an upright edge the slope by x is steep on one side only: off it x may be anything up to the
+    next strip. So the other numbers are fitted at places in x up to half a pitch off, and the posterior is summed up.
+    """
+    p, deviation = fit.parameters, math.sqrt(covariance[0, 0])
+    far = 0.5 * fit.sensor.pitch_mm
+    if not 0.0 < _FURTHER * deviation < far:
+        return covariance
+    off = np.geomspace(0.25 * deviation, far, _PLACES)
+    off = np.concatenate([-off[::-1], [0.0], off])
+    poses = pose + np.outer(off, [1.0, 0.0, 0.0, 0.0])
+    for step in range(_PLACE_STEPS + 1):
+        residual, slope = fit.rows(poses)
+        others = slope[..., 1:p]
+        normal = np.einsum("bmi,bmj->bij", others, others)
+        normal += 1e-12 * np.einsum("bii->b", normal)[:, None, None] * np.eye(p - 1)
+        if step < _PLACE_STEPS:
+            gradient = np.einsum("bmi,bm->bi", others, residual)
+            poses[:, 1:p] += np.linalg.solve(normal, gradient[..., None])[..., 0]
+    log_weight = -0.5 * ((residual**2).sum(axis=1) + np.linalg.slogdet(normal)[1])
+    weight = np.exp(log_weight - log_weight.max()) * np.gradient(off)
+    weight /= weight.sum()
+    away = (poses - pose)[:, :p]
+    moments = np.einsum("b,bi,bj->ij", weight, away, away)
+    moments[1:, 1:] += np.einsum("b,bij->ij", weight, np.linalg.inv(normal))
+    return np.asarray(moments) if moments[0, 0] > _WIDER * covariance[0, 0] else covariance
 
 
 def from_beside(fit: PoseFit, poses: FloatArray, steps: int) -> FloatArray:
