@@ -14,7 +14,9 @@ import tacstrip as ts
 from rigid_scenes import CORNERS, at, distance, pressed, sliding, ten_strips
 from tacstrip.arrays import FloatArray
 from tacstrip.core.binding import exported
-from tacstrip.tracking import live_contact
+from tacstrip.tracking import live_contact, live_search
+from tacstrip.tracking.live_search import Contact, KnownShape, find_shape
+from tacstrip.tracking.rigid.corners import Fit
 from tacstrip.tracking.rigid.covariance import covariances, information
 from tacstrip.tracking.rigid.fixed_lag import FixedLag
 
@@ -106,6 +108,23 @@ def test_a_shape_is_recognised_and_its_end_is_told(monkeypatch: pytest.MonkeyPat
     assert [one.status for one in known[8:]] == ["doubtful"] * 8
     assert "does not explain this one" in known[8].advice
     assert np.isnan(known[8].pose).all()
+
+
+def test_an_outline_of_another_count_is_not_the_known_shape(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A contact that only an outline with a corner more explains, with the scans before, is searched for anew."""
+    sensor, poses = ten_strips(), sliding(12)
+    k, own = readings(pressed(sensor, CORNERS, poses, NOISE, 6)), of_mean(poses)
+    lag = FixedLag(sensor, NAMES, SIGMA, OWN)
+    lag.begin(k, own)
+    contact = Contact(2, sensor, NAMES, k, SIGMA, "normal", 20, np.nan, (KnownShape(1, lag, k, own, "ok"),))
+    known = find_shape(contact)
+    assert known is not None
+    assert (known.id, known.again) == (1, True)
+    joint = Fit(np.insert(OWN, 1, 0.0, axis=0), np.concatenate([own, own]), np.zeros(24))
+    monkeypatch.setattr(live_search, "recognised", lambda *_: joint)
+    found = find_shape(contact)
+    assert found is not None
+    assert (found.id, found.again) == (2, False)
 
 
 def test_a_jump_is_followed_and_another_shape_is_not() -> None:

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from tacstrip.arrays import FloatArray
-from tacstrip.core.rigid import RigidScans
+from tacstrip.core.rigid import RigidScans, equations, loss
 from tacstrip.geometry.moments import deviations, moments
 from tacstrip.geometry.pose import placed
 from tacstrip.reconstruction.result import Alternative, Status
@@ -20,7 +20,9 @@ from tacstrip.tracking.episodes import Episode
 from tacstrip.tracking.live_search import Contact, KnownShape, find_shape, moved
 from tacstrip.tracking.objects import GUESS
 from tacstrip.tracking.result import STANDS
+from tacstrip.tracking.rigid.corners import Fit
 from tacstrip.tracking.rigid.fixed_lag import FixedLag, Known
+from tacstrip.tracking.rigid.rivals import about_other_rests
 from tacstrip.tracking.stretches import MOST
 from tacstrip.tracking.tracker import SEARCHED_AGAIN
 
@@ -110,10 +112,12 @@ class LiveTrack:
 
     @cached_property
     def pose_covariance(self) -> FloatArray:
-        """Of the pose (3, 3) [mm, mm, rad]; NaN where it is not known."""
+        """Of the pose (3, 3) [mm, mm, rad], with where else it may rest; NaN where it is not known."""
         if self._known is None or self._scan is None or not np.isfinite(self.pose[0]):
             return np.full((3, 3), np.nan)
-        return self._known.pose_covariance(self._scan, self.pose)
+        pose, scan = self.pose[None], self._scan
+        fit = Fit(self.outline, pose, equations(scan, self.outline, pose, loss(scan)).costs)
+        return np.asarray(self._known.pose_covariance(scan, self.pose) + about_other_rests(scan, fit)[0])
 
     @property
     def corner_deviation_mm(self) -> float:

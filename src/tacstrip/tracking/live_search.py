@@ -137,7 +137,7 @@ def _recognised(known: KnownShape, contact: Contact) -> KnownShape | None:
     poses, costs = fit_poses(scans, lag.corners, known.poses[before][:, None], loss(scans))
     fit = Fit(lag.corners, poses[:, 0], costs[:, 0])
     together = recognised(scans, fit, more, contact.distribution)
-    if together is None:
+    if together is None or together.corners.shape != lag.corners.shape:  # another shape explains both
         return None
     # The joint fit has a frame of its own: its poses become those of the shape as it was known.
     own, theirs = lag.corners.mean(axis=0), together.corners.mean(axis=0)

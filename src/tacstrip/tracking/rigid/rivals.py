@@ -56,7 +56,7 @@ def poses_beside_rivals(scans: RigidScans, found: Found, covariances: FloatArray
     about the poses of rivals.
     """
     fit = found.fit
-    every = covariances if fit.basis is not None else covariances + _about_other_rests(scans, fit)
+    every = covariances if fit.basis is not None else covariances + about_other_rests(scans, fit)
     own, middle = fit.corners - fit.corners.mean(axis=0), fit.corners.mean(axis=0)
     total, spread = 1.0, np.zeros_like(covariances)
     for rival, worse_by in found.rivals:
@@ -94,7 +94,7 @@ def with_a_corner_cut(scans: RigidScans, fit: Fit, least_mm: float) -> Fit | Non
     return None
 
 
-def _about_other_rests(scans: RigidScans, fit: Fit) -> FloatArray:
+def about_other_rests(scans: RigidScans, fit: Fit) -> FloatArray:
     """Return what a scan's pose resting elsewhere adds to its covariance (T, 3, 3)."""
     totals, spread = np.ones(len(fit.poses)), np.zeros((len(fit.poses), 3, 3))
     known = information(scans, fit.corners, fit.poses).pose
