@@ -188,8 +188,8 @@ def draw_rounded(
     misfit = float(found.chi_square.min()) / max(int(np.count_nonzero(seen.weight)), 1)
     weight, heat = found.weights()
     if quick:
-        best = np.argsort(-weight)[:_QUICKLY_KEPT]
-        found, weight = found.at(best), weight[best]
+        likeliest = np.argsort(-weight)[:_QUICKLY_KEPT]
+        found, weight = found.at(likeliest), weight[likeliest]
     else:
         found = found.at(random.choice(len(weight), _KEPT, p=weight))
         drawn = random.random(_KEPT)
