@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import shapely
 
 import tacstrip as ts
+from tacstrip.arrays import FloatArray
 from tacstrip.core.binding import exported
 from tacstrip.core.problem import FitProblem
-from tacstrip.reconstruction.posterior.assessment import ENOUGH_OF_ONE
+from tacstrip.reconstruction.polygon.run import fit_run
+from tacstrip.reconstruction.posterior.assessment import ENOUGH_OF_ONE, doubts
 from tacstrip.reconstruction.posterior.family_outline import FamilyOutline
 from tacstrip.reconstruction.posterior.rounded import _library, draw_rounded
 
@@ -25,7 +29,7 @@ needs_core = pytest.mark.skipif(exported("sample_outlines") is None, reason="onl
 
 
 def test_outlines_of_the_families_are_convex_and_fill_a_unit_box() -> None:
-    _, _, chains = _library()
+    _, _, chains = _library(2000)
     np.testing.assert_allclose(chains.min(axis=1), np.tile([0.0, -0.5], (len(chains), 1)), atol=1e-12)
     np.testing.assert_allclose(chains.max(axis=1), np.tile([1.0, 0.5], (len(chains), 1)), atol=1e-12)
     half = chains.shape[1] // 2
@@ -73,11 +77,31 @@ def test_a_count_of_vertices_that_is_given_keeps_its_outline_and_that_outlines_c
     assert found.confidence is None or found.confidence < 0.5
 
 
-def test_polygons_leave_rounded_outlines_far_behind() -> None:
+@pytest.mark.parametrize("quick", [False, True])
+def test_polygons_leave_rounded_outlines_far_behind(quick: bool) -> None:
     sensor = ts.Sensor(construction="crs-crs", strips=40, pitch_mm=2.5, length_mm=100.0)
     scan = ts.simulate(sensor, ts.Contact.polygon([(15, 20), (85, 45), (40, 80)]), NOISE, rng=5)
     touched = scan.touched
     problem = FitProblem.of(sensor, sensor.x_mm[touched], {"kh": scan["kh"][touched]}, 0.002 / np.sqrt(3.0))
     half, x = 0.5 * problem.pitch, np.linspace(0.0, 1.0, 30)
     box = np.stack([np.full(30, 0.3), np.full(30, 0.6)])
-    assert draw_rounded(problem, (-half, half, 1.0 - half, 1.0 + half), x, box).misfit > 3.0
+    window = (-half, half, 1.0 - half, 1.0 + half)
+    assert draw_rounded(problem, window, x, box, quick=quick).misfit > 3.0
+
+
+def test_a_quick_assessment_heeds_rounded_outlines_that_explain_the_readings() -> None:
+    touched = SCAN.touched
+    run = fit_run(SENSOR, SENSOR.x_mm[touched], {"k": SCAN["k"][touched]}, 0.002 / np.sqrt(3.0))
+    assert isinstance(run.problem, FitProblem)
+    half, x = 0.5 * run.problem.pitch, np.linspace(0.0, 1.0, 30)
+    box = np.stack([np.full(30, 0.3), np.full(30, 0.6)])
+    drawn = draw_rounded(run.problem, (-half, half, 1.0 - half, 1.0 + half), x, box, quick=True)
+    one = drawn.ends[drawn.commonest()]
+
+    def sure(ends: FloatArray, misfit: float) -> float:
+        rounded = replace(drawn, misfit=misfit)
+        return doubts(0.95, run, run.model, 5.0, ends, rounded=rounded).probability("fast")
+
+    away = np.where(one[1:] > one[:1], one * [[1.0], [0.6]], 0.0)
+    assert sure(away, 1.0) < sure(away, 30.0)
+    assert sure(away, 1.0) < sure(one, 1.0)

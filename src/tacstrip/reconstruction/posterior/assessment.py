@@ -33,7 +33,7 @@ PROMISED_IOU = 0.8  # of an outline that is "ok" with the true one
 ENOUGH = 0.77  # confidence of the least certain "ok": all of them together are right in 95 of 100 cases
 ENOUGH_OF_FEW = 0.85  # with both signatures on fewer than `ENOUGH_STRIPS`: many are hardly surer
 # With one signature, where many are hardly surer than that.
-ENOUGH_OF_ONE: Mapping[Effort, float] = {"thorough": 0.76, "fast": 0.6}
+ENOUGH_OF_ONE: Mapping[Effort, float] = {"thorough": 0.76, "fast": 0.66}
 _EVALUATIONS = {"thorough": 300_000, "fast": 14_000}
 # Both signatures on fewer strips leave outlines of more corners open, which so few draws would miss.
 HELD_STRIPS, _EVALUATIONS_OF_FEW = 5, 56_000
@@ -60,6 +60,8 @@ _ODDS: dict[str, dict[str, tuple[float, ...]]] = {
     },
     "fast": {
         _FEW: (-3.293, 1.021, 2.035, -0.154),
+        _POLYGON + _RIVALS: (-2.013, 0.805, -0.493, -0.696, -22.973, 0.390, 0.711),
+        _ELLIPSE + _RIVALS: (-2.108, 0.024, 1.013, -3.0, -2.787, 0.774, 0.283),
         _POLYGON: (-2.374, 1.453, -0.418, -0.276, -28.86),
         _ELLIPSE: (-8.863, 2.089, 1.232, -3.0, -1.293),
     },
@@ -161,13 +163,11 @@ def assess(
     better: OutlineModel | None = None
     misfit = math.inf  # of a better one
     every = pairwise_column_iou(drawn.ends)
-    rivals = None
-    free = area_mm2 is None and known_count is None
-    if one and effort == "thorough" and free and run.problem.x.size >= ENOUGH_STRIPS:
-        rivals = (
-            draw_rounded(drawn.problem, drawn.window, drawn.x, ends),
-            draw_regular(drawn.problem, drawn.window, drawn.x, drawn.misfit),
-        )
+    rounded = regular = None
+    if one and area_mm2 is None and known_count is None and not few_strips(run):
+        rounded = draw_rounded(drawn.problem, drawn.window, drawn.x, ends, quick=effort == "fast")
+        if effort == "thorough":
+            regular = draw_regular(drawn.problem, drawn.window, drawn.x, drawn.misfit)
     if one or misses:
         fitting = drawn.fitting(known_count)
         short = known_count is not None and len(outline.vertices) != known_count
@@ -188,14 +188,13 @@ def assess(
                 ends = drawn.ends_of(outline.lower, outline.upper)
     if one:
         corners = float(len(outline.vertices))
-        if rivals is not None:  # long chains: their counts tell more
+        if regular is not None:  # long chains: their counts tell more
             corners = float(vertex_counts(drawn.samples.outlines).mean())
         expected = float(drawn.overlap(ends) @ drawn.weight)
-        told_by = doubts(expected, run, better or run.model, corners, ends, drawn, rivals, faults)
+        told_by = doubts(expected, run, better or run.model, corners, ends, drawn, rounded, regular, faults)
         confidence = told_by.probability(effort)
         confidence = min(confidence, _SHORT) if short else confidence
-        if rivals is not None:
-            rounded, regular = rivals
+        if rounded is not None and regular is not None:
             best = regular.commonest()
             told_by = doubts_of_regular(regular, best, run, ends, rounded, corners, faults)
             sure = told_by.probability(effort)
@@ -254,7 +253,8 @@ def doubts(
     corners: float,
     ends: FloatArray,
     drawn: Draws | None = None,
-    rivals: tuple[RoundedDraws, RegularDraws] | None = None,
+    rounded: RoundedDraws | None = None,
+    regular: RegularDraws | None = None,
     faults: int = 0,
 ) -> Doubts:
     """Return what tells whether an outline from one signature is right.
@@ -272,13 +272,13 @@ def doubts(
     run, model
         The fit, and the outline's model.
     corners
-        Of the outlines drawn, on average, where there are `rounded` ones; else of the outline.
+        Of the outlines drawn, on average, where there are `regular` ones; else of the outline.
     ends
         l and u of the outline over the strip in the draws' columns (2, G), both 0 outside.
     drawn
         The draws: whether the contact may go on beyond the first strip or the last one, and what polygons leave.
-    rivals
-        Rounded and regular outlines that explain the readings best, where they were drawn.
+    rounded, regular
+        Such outlines that explain the readings best, where they were drawn: regular ones only beside rounded ones.
     faults
         Readings left out that are surely of faulty channels, and so of no inward corner.
     """
@@ -295,9 +295,10 @@ def doubts(
         kind, there = _POLYGON, ends[1] > ends[0]
         height = float(ends[1, there].max() - ends[0, there].min()) if there.any() else 0.0
         of = [1.0, odds, _many(corners), height, _left_out(run, faults)]
-    if drawn is not None and rivals is not None:
-        kind, (rounded, regular) = kind + _RIVALS, rivals
+    if rounded is not None:
+        kind += _RIVALS
         of += [_misfit(rounded.misfit), _log_odds(float(rounded.weight @ rounded.overlap(ends)))]
+    if drawn is not None and regular is not None:
         alike, unexplained = _likeness(regular, ends)
         of += [alike, _advantage(regular), math.log(run.sigma)]
         # Where no regular one explains them, few corners are a polygon's, and many those of what is rounded; and where
