@@ -113,12 +113,14 @@ def ends_of_columns(
         alike = [n for n in twice if (readings[n].strip, chosen[n]) == key]
         names, wide = list(readings), len(readings) // len(alike)
         blocks = [names[n : n + wide] for n in range(0, len(names), wide)]
-        whole = all(len({(readings[n].strip, chosen[n]) for n in b}) == wide for b in blocks)
+        keys = [[(readings[n].strip or 0, chosen[n]) for n in block] for block in blocks]
+        whole = all(block == sorted({*block}) for block in keys)  # as an answer of columns is read
         if whole and not which and clues.sensor and wide == clues.sensor.strips * len(expected):
             clues.ask(
                 "readings", f"columns are of {len(blocks)} sensors, and the spec describes one: of which?",
                 *(f"{b[0]}..{b[-1]}" for b in blocks),
             )  # fmt: skip
+            clues.stop()
         clues.ask(
             alike[1], f"{alike[0]!r} and {alike[1]!r} look like the same channel of a strip: which is it?",
             "skip", *(expected if len(expected) > 1 else ()),
