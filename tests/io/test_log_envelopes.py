@@ -294,3 +294,47 @@ def test_sheets_whose_times_begin_anew_are_not_joined(tmp_path: Path) -> None:
     assert "all" not in str(asked.value)
     with pytest.raises(ReadingError, match="do not follow"):
         read_table(path, "all")
+
+
+def test_sheets_that_are_runs_follow_each_other_with_a_warning(tmp_path: Path) -> None:
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    book.remove(book.active)
+    for run in range(2):
+        sheet = book.create_sheet(f"Run {run + 1}")
+        sheet.append(["t (s)", *(f"S{s} {end} (V)" for s in range(_STRIPS) for end in ("high", "low"))])
+        for n, scan in enumerate(_VALUES[3 * run : 3 * run + 3]):
+            sheet.append([0.5 * n, *(None if np.isnan(v) else float(v) for v in scan.ravel())])
+    book.save(tmp_path / "a.xlsx")
+    found = propose(read_table(tmp_path / "a.xlsx"), _SENSOR)
+    assert np.stack([s.values for s in found.scans]) == pytest.approx(_VALUES, nan_ok=True)
+    assert [s.time_s for s in found.scans] == pytest.approx([0.0, 0.5, 1.0, 1.5, 2.0, 2.5])
+    assert any("another sheet begins" in doubt for doubt in found.doubts)
+
+
+def test_a_scan_that_says_how_many_strips_follow_may_have_none() -> None:
+    made: list[str] = []
+    for n, scan in enumerate([*_VALUES[:3], np.full((_STRIPS, 2), np.nan), _VALUES[4]]):
+        rows = [f"  strip {s} hi {h} V lo {low} V" for s, (h, low) in enumerate(scan) if not np.isnan(h)]
+        made += [f"SCAN {n} t={500 * n}ms touched={len(rows)}", *rows]
+    found = _read("\n".join(made) + "\n", strip_base="0", missing="untouched")
+    values = np.stack([scan.values for scan in found.scans])
+    assert np.isnan(values[3]).all()
+    assert values[[0, 1, 2, 4]] == pytest.approx(_VALUES[[0, 1, 2, 4]], nan_ok=True)
+    for lost in (2, len(made) - 1):  # a line of a scan in the middle, and the last line
+        with pytest.raises((ReadingError, Unanswered), match="not like the others"):
+            _read("\n".join(made[:lost] + made[lost + 1 :]) + "\n")
+
+
+def test_inputs_are_of_the_strips_that_lines_above_say() -> None:
+    pins = [(4, 1), (0, 6), (7, 3), (2, 5)]
+    head = [f"# strip {s}: high A{h}, low A{low}" for s, (h, low) in enumerate(pins)]
+    rows = ["t_s,A0,A1,A2,A3,A4,A5,A6,A7"]
+    for n, scan in enumerate(_VALUES):
+        fields = {p: v for pair, of in zip(pins, scan, strict=True) for p, v in zip(pair, of, strict=True)}
+        rows.append(
+            ",".join([f"{0.5 * n}", *("x" if np.isnan(fields[p]) else str(fields[p]) for p in range(8))])
+        )
+    _assert_read(_read("\n".join([*head, *rows]) + "\n", unit="V"))
+    with pytest.raises(ReadingError, match="not so of each"):
+        _read("\n".join([*head[:-1], *rows]) + "\n", unit="V", order="blocks")

@@ -18,7 +18,8 @@ from tacstrip.io.log_import.names import (
     pair_of,
 )
 from tacstrip.io.log_import.questions import Clues
-from tacstrip.io.log_import.statements import in_blocks_said, told_channels
+from tacstrip.io.log_import.statements import in_blocks_said, told_channels, wired_ends
+from tacstrip.io.log_import.table import ContradictionError
 
 _ABOVE = 0.95  # of the strips: k_h is above k_l there, and so the names are clear
 _ENDS = 2  # of a strip
@@ -110,6 +111,16 @@ def ends_of_columns(
     if twice := [n for n, m in readings.items() if many[m.strip, chosen[n]] > 1]:
         key = (readings[twice[0]].strip, chosen[twice[0]])
         alike = [n for n in twice if (readings[n].strip, chosen[n]) == key]
+        names, wide = list(readings), len(readings) // len(alike)
+        blocks = [names[n : n + wide] for n in range(0, len(names), wide)]
+        keys = [[(readings[n].strip or 0, chosen[n]) for n in block] for block in blocks]
+        whole = all(block == sorted({*block}) for block in keys)  # as an answer of columns is read
+        if whole and not which and clues.sensor and wide == clues.sensor.strips * len(expected):
+            clues.ask(
+                "readings", f"columns are of {len(blocks)} sensors, and the spec describes one: of which?",
+                *(f"{b[0]}..{b[-1]}" for b in blocks),
+            )  # fmt: skip
+            clues.stop()
         clues.ask(
             alike[1], f"{alike[0]!r} and {alike[1]!r} look like the same channel of a strip: which is it?",
             "skip", *(expected if len(expected) > 1 else ()),
@@ -135,13 +146,26 @@ def strip_too(clues: Clues, name: str) -> tuple[str, ...]:
 def _numbered(clues: Clues, readings: dict[str, Meaning], numbers: list[int]) -> dict[str, str]:
     """Take 2 n numbered inputs as h and l of n strips, in the order that the readings allow."""
     assert clues.sensor is not None
+    many = clues.sensor.strips
+    wired = wired_ends(list(readings), clues.table.preamble)
+    for base in (0, 1):
+        if {(strip - base, end) for strip, end in wired.values()} == {
+            (n, e) for n in range(many) for e in "hl"
+        }:
+            clues.because("columns are of the strips and ends that the lines above them say")
+            return {name: f"{strip}:{end}" for name, (strip, end) in wired.items()}
     by_number = {m.strip: n for n, m in readings.items()}
     names = [by_number[i] for i in numbers]
     order = order_of_ends(clues, names, f"{names[0]} to {names[-1]} are two for each strip")
-    many = clues.sensor.strips
     clues.counted = True
     at = [(n // 2, n % 2) if order == "alternating" else (n % many, n // many) for n in range(2 * many)]
-    return {name: f"{strip}:{'hl'[end]}" for name, (strip, end) in zip(names, at, strict=True)}
+    made = {name: (strip, "hl"[end]) for name, (strip, end) in zip(names, at, strict=True)}
+    if not any(all(made[n] == (s - base, e) for n, (s, e) in wired.items()) for base in (0, 1)):
+        raise ContradictionError(
+            f"lines above the columns say of which strip and end {', '.join(wired)} are, and not so of each: name the "
+            "columns so, as S0_high, S0_low, ..."
+        )
+    return {name: f"{strip}:{end}" for name, (strip, end) in made.items()}
 
 
 def order_of_ends(clues: Clues, names: list[str], said: str, low_first: bool = False) -> str:

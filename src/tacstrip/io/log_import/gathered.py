@@ -43,13 +43,39 @@ def named_values(lines: list[tuple[int, str]], stamps: Mapping[int, str]) -> Tab
         return None
     pointed = _with_points(lines)
     parsed = parsed if pointed is lines else [(i, items(line)) for i, line in pointed]
-    parsed = _with_first_as_time(parsed)
+    parsed = _with_first_as_time(_of_both_ends(_without_counts(parsed)))
     table = _gathered(parsed, dict(pointed), _shared(parsed, stamps))
     doubts = [
         f"line {i} says {w!r} in place of readings: does nothing touch the strip, or is it a fault?"
         for w, i in unknown.items()
     ]
     return table and replace(table, doubts=(*table.doubts, *doubts))
+
+
+def _without_counts(parsed: list[tuple[int, list[Item]]]) -> list[tuple[int, list[Item]]]:
+    """Return what lines name without how many lines follow, as "touched=3" of a scan, if that is so of each."""
+    ends = Counter(found[-1].name for _, found in parsed if len(found) > 1 and is_label(found[:-1]))
+    for name in [name for name in ends if not meaning(name).role]:
+        at = [n for n, (_, found) in enumerate(parsed) if found and found[-1].name == name]
+        told = [number_of(parsed[n][1][-1].values[0]) for n in at]
+        forms = [tuple(item.name for item in found) for _, found in parsed]
+        below = {f for n, f in enumerate(forms[: at[-1]]) if n not in {*at} and n > at[0]}
+        many = [b - a - 1 for a, b in itertools.pairwise(at)]
+        if len(at) > _FEW_ALIKE and told == [*many, sum(f in below for f in forms[at[-1] + 1 :])]:
+            return [(i, found[:-1] if n in {*at} else found) for n, (i, found) in enumerate(parsed)]
+    return parsed
+
+
+def _of_both_ends(parsed: list[tuple[int, list[Item]]]) -> list[tuple[int, list[Item]]]:
+    """Return what lines name with one mark for nothing of a strip, as "strip 2: ---", as of each of its readings."""
+    names = dict.fromkeys(item.name for _, found in parsed for item in found)
+    inner = list(dict.fromkeys(m[1] for n in names if (m := re.fullmatch(r"strip \d+( .+)", n))))
+
+    def parts(item: Item) -> list[Item]:
+        bare = re.fullmatch(r"strip \d+", item.name) and [*map(says_nothing, item.values)] == [True]
+        return [replace(item, name=item.name + end) for end in inner] if bare and inner else [item]
+
+    return [(i, [part for item in found for part in parts(item)]) for i, found in parsed]
 
 
 def _with_first_as_time(parsed: list[tuple[int, list[Item]]]) -> list[tuple[int, list[Item]]]:

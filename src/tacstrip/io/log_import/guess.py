@@ -34,7 +34,7 @@ from tacstrip.io.log_import.sides import (
 )
 from tacstrip.io.log_import.statements import base_said
 from tacstrip.io.log_import.supply import ask_for_supply
-from tacstrip.io.log_import.table import PART, NoTableError, Table
+from tacstrip.io.log_import.table import PART, SHEET, ContradictionError, NoTableError, Table
 from tacstrip.io.log_import.turns import with_turn
 from tacstrip.io.log_import.write import at_rest
 from tacstrip.sensor.spec import Sensor
@@ -111,6 +111,8 @@ def settled(table: Table, read: Callable[[Table], Read], strips: int = 0, channe
     for one in itertools.chain([table], table.retries()):
         try:
             return read(one)
+        except ContradictionError:
+            raise
         except (ReadingError, OptionError, Unanswered) as error:
             open_ = _open(error)
             if kept is None or open_ < fewest:
@@ -128,8 +130,9 @@ def settled(table: Table, read: Callable[[Table], Read], strips: int = 0, channe
         try:
             return read(told)
         except Unanswered as error:
-            asked = len(kept.questions) if isinstance(kept, Unanswered) and not table.refused else np.inf
-            if len(error.questions) < asked:
+            asked = kept.questions if isinstance(kept, Unanswered) and not table.refused else None
+            keys = {q.key for q in error.questions}
+            if asked is None or (len(keys) < len(asked) and {q.key for q in asked if not q.of_form} <= keys):
                 raise
         except (ReadingError, OptionError):
             pass
@@ -361,8 +364,8 @@ def _rough(clues: Clues, found: Columns) -> tuple[ColumnMapping, list[LogScan]]:
         marked = [] if "restart" in clues.answers else _marked_restarts(clues.table, loose)
         if marked:
             clues.doubt(
-                f"the time begins anew below line(s) {', '.join(map(str, marked))}, where other lines part the rows: "
-                "taken as another run, a step later; else --answer restart=first or restart=last"
+                f"the time begins anew below line(s) {', '.join(map(str, marked))}, where another sheet begins, or "
+                "lines between part two runs: taken a step later; else --answer restart=first or restart=last"
             )
         elif "restart" not in clues.answers:
             clues.ask(
@@ -378,11 +381,15 @@ def _rough(clues: Clues, found: Columns) -> tuple[ColumnMapping, list[LogScan]]:
 
 
 def _marked_restarts(table: Table, mapping: ColumnMapping) -> list[int]:
-    """Return the lines above which the time falls, if each time other lines part the rows there, as the names again."""
+    """Return the lines above which the time falls, if each time another sheet or lines between part the rows."""
     falls = np.flatnonzero(np.diff(raw_times(table, mapping)) < 0.0)
     gaps = np.diff(table.lines)
     between = [gaps[n] - sum(table.lines[n] < b < table.lines[n + 1] for b in table.broken) for n in falls]
-    return [table.lines[n] for n in falls] if between and min(between) > np.median(gaps) else []
+    parted = bool(between) and min(between) > np.median(gaps)
+    if SHEET in table.names:
+        sheets = table.column(SHEET)
+        parted |= all(sheets[n] != sheets[n + 1] for n in falls)
+    return [table.lines[n] for n in falls] if parted else []
 
 
 def _which_h(clues: Clues, found: Columns) -> str:

@@ -7,6 +7,7 @@ import re
 from tacstrip.io.log_import.names import meaning
 
 _FEW = 2  # labels: of fewer, a line with a number and a name may be anything
+_SIZE = re.compile(r"\d+(?:\.\d+)?\s?[^\W\d]+")  # as a range of "10 V"
 _BETWEEN = re.compile(r"[,;\t]")
 _FIRST = re.compile(r"\A(\s*\d+)(?:\s*[:=]\s*|\s+)(?=[^\W\d])")  # as in "101 Strip 2 high", "101: ..."
 _NUMBERED = re.compile(r"\D{0,8}?0*(\d+)(?:\s*([\[(][^\])]*[\])]))?")  # as "101 (VDC)" or "CH101"
@@ -25,6 +26,7 @@ def with_labels(text: str) -> str:
     of_labels: set[int] = set()
     for n, line in enumerate(lines):
         fields = [f.strip(' "\r') for f in _BETWEEN.split(_FIRST.sub(r"\1,", line))]
+        fields = [f for f in fields if not _SIZE.fullmatch(f)]
         numbers = [f.lstrip("0") for f in fields if f.isdecimal()]
         named = [f for f in fields if not f.isdecimal() and meaning(f).strip is not None]
         words = [f for f in fields if f not in named and not f.isdecimal()]
@@ -32,6 +34,10 @@ def with_labels(text: str) -> str:
             if labels.get(numbers[0], named[0]) != named[0]:
                 return text
             labels[numbers[0]] = named[0]
+            of_labels.add(n)
+            continue
+        if n - 1 in of_labels and fields[0].isdecimal() and re.match(r"[^\W\d]", "".join(fields[1:2])):
+            labels[fields[0].lstrip("0")] = fields[1]  # of what is no strip, in the same list
             of_labels.add(n)
             continue
         found = [m for f in fields if (m := _NUMBERED.fullmatch(f)) and m[1] in labels]

@@ -13,7 +13,7 @@ from tacstrip.io.log_import.names import (
     pair_of,
 )
 from tacstrip.io.log_import.questions import ROLES, Clues
-from tacstrip.io.log_import.table import CLOCK, PART, ROW
+from tacstrip.io.log_import.table import CLOCK, PART, ROW, SHEET
 from tacstrip.io.log_import.words import names_of
 
 _ALONE = 0.9  # of the readings of one end: so many have the other beside them
@@ -44,7 +44,7 @@ def ask_for_sensor(clues: Clues, known: dict[str, Meaning]) -> None:
         worded = not any(number_of(v, table.decimal) is not None for v in values)
         if (
             known[name].role in ("time", "strip", "position", "skip") or (known[name].role == "scan" and not worded)
-            or name in (*clues.answers, ROW, CLOCK, PART)
+            or name in (*clues.answers, ROW, CLOCK, PART, SHEET)
             or not 1 < len(values) <= _MOST_SENSORS or not all(values) or {*values} & {*ROLES}
             or (known[name].role == "reading" and known[name].strip is not None)
             or all(clock_seconds(v) is not None or is_date(v) for v in values)

@@ -9,12 +9,14 @@ from dataclasses import replace
 
 from tacstrip.io.log_import.fields import number_of
 from tacstrip.io.log_import.names import meaning, meanings, pair_of
-from tacstrip.io.log_import.table import Table
+from tacstrip.io.log_import.table import SHEET, Table
 
 _NUMBERED = re.compile(r"\s*(?P<word>[^\d]*?)[\s_#.:-]*(?P<number>\d+)\W*")
 _SCANS = re.compile(
     r"press(?:es|ure|ion|ione|ing)?|push|touch|contact|druck|dr\u00fccken|kontakt|messung|mesure|appui|presi\u00f3n|toque|medida"
-    r"|misura|meting|contacto|contatto|reading|measurement", re.IGNORECASE,
+    r"|misura|meting|contacto|contatto|reading|measurement"
+    r"|run|trial|test|session|take|attempt|repetition|recording|versuch|durchgang|lauf|aufnahme|essai|s\u00e9ance|prueba"
+    r"|ensayo|corrida|prova|ensaio|teste", re.IGNORECASE,
 )  # fmt: skip
 
 
@@ -34,8 +36,8 @@ def of_two_channels(tables: Mapping[str, Table]) -> Table | None:
 def of_scans(tables: Mapping[str, Table]) -> Table | None:
     """Return sheets of the same columns as one table, in their order; None where they are no scans of one log.
 
-    Each is a scan if it has a line per strip, or one line, and neither a time nor a scan's number. With either of these
-    that must rise from sheet to sheet.
+    Each is a scan if it has a line per strip, or one line, and neither a time nor a scan's number. With these each
+    is a part, or a run, if it has a time only and that begins anew.
     """
     first = next(iter(tables.values()))
     if len(tables) < 2 or any(t.names != first.names or t.decimal != first.decimal for t in tables.values()):
@@ -46,11 +48,15 @@ def of_scans(tables: Mapping[str, Table]) -> Table | None:
     told = f"sheets {', '.join(map(repr, tables))}: one after the other"
     if counted:
         values = [[number_of(f, t.decimal) for f in t.column(counted[0])] for t in tables.values()]
-        ends = [(v[0], v[-1]) for v in values]
-        if any(None in v for v in values) or any(
-            (b[0] or 0.0) <= (a[1] or 0.0) for a, b in itertools.pairwise(ends)
-        ):
+        if any(None in v for v in values):
             return None
+        steps = [(b[0] or 0.0) - (a[-1] or 0.0) for a, b in itertools.pairwise(values)]
+        rises = min(steps) > 0.0
+        if not (rises or (max(steps) < 0.0 and [roles[n] for n in counted] == ["time"])):
+            return None
+        if not rises:
+            rows = [[title, *row] for title, t in tables.items() for row in t.rows]
+            return _joined(tables, (SHEET, *first.names), rows, f"{told}, a run each")
         return _joined(tables, first.names, [row for t in tables.values() for row in t.rows], told)
     if any(
         len(t.rows) != 1 and not (len(strips) == 1 and _once(t.column(strips[0]))) for t in tables.values()
@@ -61,7 +67,7 @@ def of_scans(tables: Mapping[str, Table]) -> Table | None:
 
 
 def numbered_scans(titles: list[str]) -> bool:
-    """Return whether sheets' names count scans, as "Press 1", "Press 2": a word for that, and numbers up by one.
+    """Return whether sheets' names count scans or runs, as "Press 1", "Press 2": such a word, and numbers up by one.
 
     Examples
     --------

@@ -128,7 +128,9 @@ def strips_order_said(lines: Sequence[str], strips: int) -> tuple[str, str]:
     >>> strips_order_said(["columns: strip 0 is last, strip 9 first"], 10)[0], strips_order_said(["strips 9..0"], 10)[0]
     ('?', 'descending')
     """
-    clauses = [clause for line in lines for clause in re.split(r"[;\t]", line)]
+    clauses = [
+        clause for line in dict.fromkeys(lines) for clause in re.split(r"[;\t]", _UNTOUCHED.sub(" ", line))
+    ]
     # Those of the two ends, without a number, say nothing of the strips.
     lines = [_PAIR.sub(" ", c) for c in clauses if re.search(r"\d", c) or not _PAIR.search(c)]
     ends = [(base, strips - 1 + base) for base in (0, 1)]
@@ -167,3 +169,21 @@ def told_channels(line: str, strips: int) -> str:
     if re.fullmatch(r"(?:hl){2,}", ends) and numbers[0] == numbers[1] == numbers[2] - 1:
         return "alternating"
     return ""
+
+
+def wired_ends(names: Sequence[str], lines: Sequence[str]) -> dict[str, tuple[int, str]]:
+    """Return the strip and the end of columns by lines that each tell them of one strip.
+
+    Examples
+    --------
+    >>> wired_ends(["A0", "A1", "A2"], ["# strip 0: high A2, low A1", "# strip 1: high A0"])
+    {'A1': (0, 'l'), 'A2': (0, 'h'), 'A0': (1, 'h')}
+    """
+    told: dict[str, tuple[int, str]] = {}
+    for line in lines:
+        strips = re.findall(r"\bstrip\s*#?(\d+)", line, re.IGNORECASE)
+        for name in names if len(strips) == 1 else ():
+            said = rf"(?:({_HIGH})|{_LOW})\s*(?:end|side)?\s*[:=]?\s*(?:to |on |pin )?{re.escape(name)}(?!\w)"
+            if end := re.search(said, line, re.IGNORECASE):
+                told[name] = (int(strips[0]), "h" if end[1] else "l")
+    return told

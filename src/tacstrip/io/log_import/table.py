@@ -18,6 +18,7 @@ GARBLED = "\ufffd"  # for what a board wrote as it was reset
 CLOCK = "time stamp"  # the column of what a serial monitor or a logger puts before each line
 BY_CONTENT = "no other assignment of its values is one that the sensor can have read"
 PART = "part"  # the column that tells lines above a change of what readings mean from those below it
+SHEET = "name of the sheet"  # a column, where each sheet is a run
 ROW = "line of its block"  # where blocks of as many lines follow each other
 _MOST_VOLTS = 100.0  # no Vref has more
 _INNER = re.compile(r"(?:\[\d+\]|\.\w+)([.\[].*)")  # what is within a part of a record

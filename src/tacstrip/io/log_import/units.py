@@ -72,6 +72,12 @@ _UNIT_IN_PROSE = (
         re.compile(r"(?:\bpercent|%)[\s_]+of[\s_]+(?:the[\s_]+)?(?:v_?ref|vcc|vdd|supply|ref|full)", re.I),
         "percent",
     ),
+    (
+        re.compile(
+            r"(?<![\w.])0(?: ?\.\. ?| to | ?- ?)1 of (?:the )?(?:v_?ref|vcc|vdd|supply|\d+V\d*)\b", re.I
+        ),
+        "fraction",
+    ),
     (re.compile(r"(?<![\w\d])(?<!\d )millivolts\b", re.I), "mV"),
 )
 _OF_OTHERS = re.compile(r"batter|supply|vbat|temp|v_?ref|aref|vcc|vdd|\btime\b|\bbaud\b", re.IGNORECASE)
@@ -364,6 +370,8 @@ def _unit_by_size(clues: Clues, values: FloatArray, vref: float, bits: int, volt
         of = f", and Vref is {vref * (clues.number('scale') or 1.0):g} V" if vref else ""
         clues.because(f"readings are in {likely[0]}: they reach {top:g}{of}")
         return likely[0]
+    if whole and likely and top <= _PERCENT[1]:
+        likely = [*likely, "percent"]
     clues.ask(
         "unit", f"readings reach {top:g}{' in whole numbers' if whole else ''}: in which unit?",
         *(u for u in READING_UNITS if u in (likely or READING_UNITS)),
