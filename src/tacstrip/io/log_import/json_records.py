@@ -16,7 +16,7 @@ from tacstrip.io.log_import.fields import is_prose
 from tacstrip.io.log_import.gathered import touched_vary
 from tacstrip.io.log_import.literals import literal, literals
 from tacstrip.io.log_import.names import meaning
-from tacstrip.io.log_import.table import Table, flattened, of_records, said_above
+from tacstrip.io.log_import.table import CLOCK, Table, flattened, of_records, said_above
 
 _TUPLES = re.compile(r"(?m)^\(.*,\s*\(.*\)\)\s*$")  # within each other
 
@@ -33,13 +33,18 @@ def of_literals(text: str, path: str | Path) -> Table | None:
     if found is None or not any(isinstance(value, dict | list) for _, value in found):
         found, around = literals(text)
         broken = [i for i, line in around if re.search(r"\d", line) and not is_prose(line)]
+    found, messages = _without_messages(found)
     if len(found) == 1 and isinstance(found[0][1], dict):
         table = of_values(found[0][1], path)
     else:
         table = of_values(found, path, numbered=True)
     if table is None:
         return None
-    above = tuple(line for i, line in around if found and i < found[0][0])
+    above = [line for i, line in around if found and i < found[0][0]]
+    if messages:
+        above += [line for row in messages for line in said_above(row)]
+        said = f"{len(messages)} object(s) that share no name with the others are taken for messages"
+        table = replace(table, remarks=(*table.remarks, said))
     quotes = {i: line for i, line in around if i in broken}
     return replace(table, broken=tuple(broken), quotes=quotes, preamble=(*above, *table.preamble))
 
@@ -80,6 +85,25 @@ def of_values(
     return replace(
         table, names=_described(table.names, above), preamble=above, varied=varied, empty=frozenset(empty)
     )
+
+
+def _without_messages(
+    found: Sequence[tuple[int, Any]],
+) -> tuple[list[tuple[int, Any]], list[dict[str, Any]]]:
+    """Return the values without objects that share no key but the clock with most lines; and these objects.
+
+    Examples
+    --------
+    >>> _without_messages([(1, {"info": "12 bit"}), (2, {"t": 0, "h": [5]}), (3, {"t": 1, "h": [6]})])
+    ([(2, {'t': 0, 'h': [5]}), (3, {'t': 1, 'h': [6]})], [{'info': '12 bit'}])
+    """
+    forms = Counter(tuple(row) for _, row in found if isinstance(row, dict))
+    form, many = forms.most_common(1)[0] if forms else ((), 0)
+    if 2 * many <= len(found):
+        return [*found], []
+    apart = [i for i, row in found if isinstance(row, dict) and not {*row} & {*form} - {CLOCK}]
+    kept = [(i, row) for i, row in found if i not in apart]
+    return kept, [row for i, row in found if i in apart]
 
 
 def _described(names: tuple[str, ...], above: Sequence[str]) -> tuple[str, ...]:
