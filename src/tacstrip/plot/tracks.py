@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tacstrip.arguments import takes
+from tacstrip.arrays import FloatArray
 from tacstrip.geometry.region import regions
 from tacstrip.plot.scans import say_nothing
 from tacstrip.plot.scene import draw_polygon, fill_sheet
@@ -22,6 +23,7 @@ _DRAWN = 6  # outlines on each path
 _PALER = 0.72  # from one outline to that before
 _MOST_NAMED = 8  # objects with an entry of their own in a legend
 _MARKERS = "os^Dv"
+_NORMAL_95 = 1.96  # standard deviations that hold 95 % of a normal distribution
 _LONG = 1.6  # times as long as wide, or as wide as long
 # The sheet [inch], rows and columns, and the cells of way, shape, places and angles: by the sensor's own form.
 _PANELS: dict[str, tuple[tuple[float, float], tuple[int, int], tuple[int | tuple[int, int], ...]]] = {
@@ -92,9 +94,10 @@ def track_figure(sensor: Sensor, tracks: Sequence[Track]) -> Figure:
     track(tracks, sensor, ax=way)
     way.set_title("paths over the sensor")
     shape.set(xlabel="x [mm]", ylabel="y [mm]", title="shapes, 95 % regions")
-    place.set(xlabel="time [s]", ylabel="x, y of the centroid [mm]", title="places")
-    turn.set(xlabel="time [s]", ylabel="angle [deg]", title="angles")
+    place.set(xlabel="time [s]", ylabel="x, y of the centroid [mm]", title="places, 95 % ranges")
+    turn.set(xlabel="time [s]", ylabel="angle [deg]", title="angles, 95 % ranges")
     shared = np.zeros(len(tracks[0].times_s) if tracks else 0, dtype=bool)
+    bands: list[tuple[Axes, tuple[Any, FloatArray, FloatArray], str]] = []
     look: dict[str, Any]
     for one, colour, marker in _coloured(tracks):
         what = one.status if one.kind == "polygon" else f"{one.status}, {one.kind}"
@@ -108,12 +111,16 @@ def track_figure(sensor: Sensor, tracks: Sequence[Track]) -> Figure:
         time = one.times_s if np.diff(one.times_s).any() else np.arange(len(one.times_s))
         shared[list(one.joint)] = True
         values = (*one.centroids.T, np.rad2deg(one.poses[:, 2]))
-        panels = zip((place, place, turn), ("x", "y", "angle"), values, ("-", "--", "-"), strict=True)
-        for axes, name, value, dashes in panels:
+        far = _NORMAL_95 * np.sqrt(np.einsum("tii->it", one.pose_covariances))
+        ranges = far * np.array([1.0, 1.0, np.rad2deg(1.0)])[:, None]
+        panels = zip((place, place, turn), ("x", "y", "angle"), values, ranges, ("-", "--", "-"), strict=True)
+        for axes, name, value, off, dashes in panels:
             if name == "angle" and (one.by_scan is not None or one.kind == "disc"):
                 continue  # no rigid outline explains the scans, none that turned; or it has no angle
             look = {"color": colour, "linestyle": dashes, "marker": marker, "markersize": 3.0}
             axes.plot(time, value, markevery=max(len(time) // 8, 1), label=f"{one.id}: {name}", **look)
+            bands.append((axes, (time, value - off, value + off), colour))
+    _draw_bands(bands)
     for axes in (
         (place, turn) if shared.any() else ()
     ):  # as high as what is drawn, not up into the legend's room
@@ -136,3 +143,13 @@ def _coloured(tracks: Sequence[Track]) -> Iterator[tuple[Track, str, str]]:
     for number, one in enumerate(tracks):
         if len(one.outline) and one.present.any():
             yield one, palette[number % len(palette)], _MARKERS[number % len(_MARKERS)]
+
+
+def _draw_bands(bands: list[tuple[Axes, tuple[Any, FloatArray, FloatArray], str]]) -> None:
+    """Draw ranges of values over time, cut where they reach further than the values' own span."""
+    spans = {axes: axes.get_ylim() for axes, _, _ in bands}
+    for axes, (time, low, high), colour in bands:
+        axes.fill_between(time, low, high, color=colour, alpha=0.2, linewidth=0.0, zorder=1)
+    for axes, (bottom, top) in spans.items():
+        lowest, highest = axes.get_ylim()
+        axes.set_ylim(max(lowest, 2.0 * bottom - top), min(highest, 2.0 * top - bottom))
