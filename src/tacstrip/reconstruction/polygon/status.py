@@ -114,9 +114,9 @@ def two_objects(pair: Pair, right: bool, confidence: float) -> tuple[str, str]:
     )
     if confidence < ENOUGH or (pair.probability >= _OTHER and not right and not pair.one_convex):
         return told, ""
-    return "", told + (
-        "; the outline holds either way" if right else ""
-    ) if pair.probability >= _NOTED else ""
+    if pair.probability < _NOTED:
+        return "", ""
+    return "", told + ("; the outline holds either way" if right else "")
 
 
 def status_of(
