@@ -1,18 +1,18 @@
-"""Whether the readings hold a drift or wander at all: a likelihood ratio test that knows its course.
+"""Whether the readings hold a fault at all: a likelihood ratio test that knows it, of units of the hold-out.
 
-The hold-out units' drift and wander are drawn again, and what the fault adds over time, which no finder can know, is
-regressed on what shape and constant errors leave of each strip's bends (`diagnose.bend_model`): z standard errors on
-the strip that has it, and on those further than two strips away, which have none. What lies below the largest of the
-latter cannot be named by bends without as many false alarms. Beside it, how many standard errors a test would see that
-knows where the contact ends, too, and has to tell a drift from noise, the strip's rubber, its offset and its gain only.
-`python -m studies.doctor_limit [last seed]`, tuning seeds from 0.
+A unit is drawn again and read without noise, with its fault and without. What differs, in standard errors, is what a
+test sees that knows what the fault does and where contacts end, and has to tell it from noise, the strip's rubber, its
+zero's wander, its offset and its gain: no finder sees more. Beside it, what is left of that where outline and path of
+the contact are to be found as well (`diagnose.rigid_contact`, fitted to the unit without its fault).
+`python -m studies.doctor_limit 770-31 770-33 ...` prints it of recordings of the hold-out, by seed and number.
 """
 
 from __future__ import annotations
 
+import math
 import sys
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -20,73 +20,108 @@ from unittest import mock
 import numpy as np
 
 import tacstrip as ts
-from studies.holdout import doctor_set, logs
+from studies.holdout import doctor_set, logs, units
+from studies.holdout.logs import Bench, Touching
+from studies.holdout.units import Array
 from tacstrip.arrays import FloatArray
 from tacstrip.diagnose import Log, read_log
 from tacstrip.diagnose.bend_model import BendModel, Explanation
 from tacstrip.diagnose.doctor import working_sigma
-from tacstrip.diagnose.neighbour_prediction import places, working_copy
+from tacstrip.diagnose.neighbour_prediction import WorkingCopy, places, working_copy
 from tacstrip.diagnose.noise import measure
 from tacstrip.diagnose.rigid_contact import RigidContact
 
-KINDS = ("drift of 1-3 %", "slow wander")
-_WAYS = ("bends", "outline")
 _APART = 2  # strips
 _PARTS = 256  # as the doctor's
-
-
 _UNEVEN, _PIECES = 0.023, 12  # the hold-out's rubber: deviation of a piece's resistance, and pieces
 _OFFSET, _GAIN = 0.3, 0.003  # prior standard deviations of a channel's own, over Vref
-_CHANCE = 3.7  # |z| that noise exceeds on one of 20 strips in 1 of 200 recordings
+_CHANCE = 3.7  # standard errors that noise exceeds on one of 20 strips in 1 of 200 recordings
+_BESIDE = 0.03  # of L: a strip of which less is touched may be touched or not
 
 
 @dataclass(frozen=True)
-class Known:
-    """What a test shows that knows the course of a fault: the doctor's verdict, and |z|.
+class Evidence:
+    """What the readings of a unit hold of its fault.
 
-    bends, outline: (|z| on the strip at fault, the largest on sound ones); ends: where contacts end is known, too.
+    scans: in which strips at fault read as untouched, or the other way round, amid a contact. ends: standard errors of
+    what readings differ by where contacts' ends are known. outline: the same where only the contact is rigid; NaN
+    where no outline can be fitted.
     """
 
-    verdict: str
-    bends: tuple[float, float]
-    outline: tuple[float, float]
+    kind: str
+    scans: int
     ends: float
+    outline: float
+
+    @property
+    def nothing(self) -> bool:
+        """Whether noise alone does as much in 1 of 200 recordings, whatever the test."""
+        return not self.scans and self.ends < _CHANCE
+
+    @classmethod
+    def of(cls, seed: int, number: int) -> Evidence:
+        """Draw a faulty unit of the hold-out again, and return it."""
+        random = np.random.default_rng([14, 1, seed, number])
+        kind, lines = list(doctor_set.KINDS)[number // 2 % len(doctor_set.KINDS)], logs.lines
+        caught: list[Any] = []
+
+        def catch(*arguments: Any) -> Any:
+            caught.extend(arguments[3:])
+            return lines(*arguments)
+
+        with mock.patch.object(logs, "lines", catch):
+            one, touch, _, strips = doctor_set.faulty(random, kind)
+        quiet = replace(one, material=units.Material(white=0.0, stray=0.0))
+        with_it, without = (lines(quiet, touch, np.random.default_rng(0), *w) for w in (caught, (None, None)))
+        both = (with_it >= 0) & (without >= 0)
+        added = np.where(both, with_it - without, 0) / (2**one.converter.bits - 1)
+        amid = np.nan_to_num(touch.high - touch.low) > _BESIDE * one.unit.length
+        changed = ((with_it >= 0) != (without >= 0)).any(axis=0) & amid
+        at = list(strips or range(one.unit.strips))
+        ends = [
+            _ends_known(one, touch, c[:, i], w[:, i]) for c, w in zip(added, without, strict=True) for i in at
+        ]
+        outline = _outline_found(one, touch, added, at)
+        return cls(kind, int(changed[:, at].sum()), float(np.sqrt(np.sum(ends))), outline)
 
 
-def course_known(seed: int, number: int) -> Known:
-    """Return what is shown of a drift or wander of the hold-out."""
-    random = np.random.default_rng([14, 1, seed, number])
-    kind = list(doctor_set.KINDS)[number // 2 % len(doctor_set.KINDS)]
-    caught: dict[str, Any] = {}
-    lines = logs.lines
+def _ends_known(one: Bench, touch: Touching, course: Array, codes: Array) -> float:
+    """Return the squared standard errors of what a fault adds to a channel (scans,) that reads `codes` without it."""
+    there, top = np.flatnonzero(codes >= 0), 2**one.converter.bits - 1
+    knots, fine = np.linspace(0.0, 1.0, _PIECES + 1), np.linspace(0.0, 1.0, 401)
+    density = np.stack([np.interp(fine, knots, piece) for piece in np.eye(_PIECES + 1)])
+    below = np.cumsum(density, axis=1) / len(fine)
+    below -= below[:, -1:] * fine
+    height, apart = codes[there] / top, touch.time_s[there, None] - touch.time_s[there]
+    rubber = np.stack([np.interp(height, fine, piece) for piece in below])
+    errors = _UNEVEN**2 * rubber.T @ rubber + _GAIN**2 * np.outer(height - 0.5, height - 0.5) + _OFFSET**2
+    wander = np.mean([np.exp(-np.abs(apart) / tau) for tau in units.WANDER_S], axis=0)
+    errors += one.material.wander**2 * wander
+    errors += (one.material.white**2 + 1.0 / (12.0 * top**2)) * np.eye(len(there))
+    return float(course[there] @ np.linalg.solve(errors, course[there])) if len(there) else 0.0
 
-    def catch(*arguments: Any) -> Any:
-        caught["wrong"] = arguments[3]
-        return lines(*arguments)
 
-    with mock.patch.object(logs, "lines", catch):
-        one, touch, codes, (strip,) = doctor_set.faulty(random, kind)
+def _outline_found(one: Bench, touch: Touching, added: Array, strips: list[int]) -> float:
+    """Return the standard errors of what a fault adds (names, scans, strips) beyond outline, path and constants."""
     with tempfile.TemporaryDirectory() as folder:
         spec, file = Path(folder) / "sensor.toml", Path(folder) / "readings.csv"
         spec.write_text(one.spec())
-        logs.write(file, one, codes, touch.time_s)
+        logs.write(file, one, logs.lines(one, touch, np.random.default_rng(0)), touch.time_s)
         log = read_log(file, ts.Sensor.load(spec))
-    still = np.full((1, len(touch.time_s), one.unit.strips), 0.5)
-    added = caught["wrong"](still, np.broadcast_to(touch.time_s[:, None], still.shape[1:])) - still
-    work = places(working_copy(log, working_sigma(measure(log))), max(len(log.time_s) // _PARTS, 1))
-    course = np.interp(work.time_s, touch.time_s, added[0, :, strip])
-    course -= course.mean()
-    fits = [BendModel.fit(work, v) for v in work.k.values()]
-    bends = [_z(m.explain(m.rows.effect(course[:, None])), m.sigma) for m in fits if m]
-    half = RigidContact.fit(work)
-    outline = half and half.joined()
-    against = [_z(outline.explain(course[outline.place, None, None]), outline.sigma)] if outline else []
-    far = np.abs(np.arange(work.strips) - strip) > _APART
-    nothing = [np.zeros(work.strips)]
-    shown = [np.max(z or nothing, axis=0) for z in (bends, against)]
-    both = [(float(z[strip]), float(z[far].max(initial=0.0))) for z in shown]
-    ends = ends_known(log, strip, added[0, :, strip], one.material.white)
-    return Known(doctor_set.score(seed, number)["verdict"], both[0], both[1], ends)
+    work = _in_parts(log)
+    if (half := RigidContact.fit(work)) is None or (model := half.joined()).sigma > 1.5 * work.sigma:
+        return float("nan")
+    course = np.stack([[np.interp(work.time_s, touch.time_s, v) for v in channel.T] for channel in added])
+    found = model.explain(course[:, model.strip, model.place].T[:, :, None])
+    at = np.zeros(work.strips)
+    at[[int(np.flatnonzero(work.order == i)[0]) for i in strips]] = 1.0
+    power = float(at @ found.whole @ at) - float(np.sum((found.reduced @ at) ** 2))
+    return math.sqrt(max(power, 0.0)) / model.sigma
+
+
+def _in_parts(log: Log) -> WorkingCopy:
+    """Return a log's places as the doctor takes them to look for drift."""
+    return places(working_copy(log, working_sigma(measure(log))), max(len(log.time_s) // _PARTS, 1))
 
 
 def shows(log: Log, sound: Log, strips: tuple[int, ...]) -> bool:
@@ -96,7 +131,7 @@ def shows(log: Log, sound: Log, strips: tuple[int, ...]) -> bool:
     errors leave of the bends, and of one strip on what a rigid outline leaves, of these strips and, with the same
     course, of all others: a likelihood ratio test that knows the fault.
     """
-    work = places(working_copy(log, working_sigma(measure(log))), max(len(log.time_s) // _PARTS, 1))
+    work = _in_parts(log)
     score, power = np.zeros((2, work.strips - len(strips) + 1))
     for name, values in work.k.items():
         model = BendModel.fit(work, values)
@@ -118,23 +153,6 @@ def shows(log: Log, sound: Log, strips: tuple[int, ...]) -> bool:
     return any(z[strips[0]] > z[far].max(initial=0.0) for z in every)
 
 
-def ends_known(log: Log, strip: int, course: FloatArray, white: float) -> float:
-    """Return the standard errors of a course (scans,) that a test sees which knows what a sound strip would read."""
-    knots, fine = np.linspace(0.0, 1.0, _PIECES + 1), np.linspace(0.0, 1.0, 401)
-    density = np.stack([np.interp(fine, knots, one) for one in np.eye(_PIECES + 1)])
-    below = np.cumsum(density, axis=1) / len(fine)
-    below -= below[:, -1:] * fine
-    power = 0.0
-    for values in log.k.values():
-        there = np.flatnonzero(log.touched[:, strip] & np.isfinite(values[:, strip]))
-        height = np.clip(values[there, strip], 0.0, 1.0)
-        rubber = np.stack([np.interp(height, fine, one) for one in below])
-        errors = _UNEVEN**2 * rubber.T @ rubber + _GAIN**2 * np.outer(height - 0.5, height - 0.5)
-        errors += _OFFSET**2 + white**2 * np.eye(len(there))
-        power += float(course[there] @ np.linalg.solve(errors, course[there]))
-    return float(np.sqrt(power))
-
-
 def _z(found: Explanation, sigma: float) -> FloatArray:
     """Return how many standard errors of a course each strip shows (strips,)."""
     return np.asarray(
@@ -142,33 +160,21 @@ def _z(found: Explanation, sigma: float) -> FloatArray:
     )
 
 
-def main(last: int) -> None:
-    """Print a table of tuning seeds 0 to `last`."""
-    every = len(doctor_set.KINDS)
-    rows: dict[str, list[Known]] = {}
-    for kind in KINDS:
-        first = 2 * list(doctor_set.KINDS).index(kind) + 1
-        rows[kind] = [course_known(s, first + 2 * every * turn) for s in range(last + 1) for turn in (0, 1)]
-    limits = [max(getattr(row, of)[1] for some in rows.values() for row in some) for of in _WAYS]
+def main(recordings: list[str]) -> None:
+    """Print a table of recordings, each as seed-number."""
     lines = [
-        f"largest |z| of a strip without a fault, {of}: {z:.1f}" for of, z in zip(_WAYS, limits, strict=True)
+        "| recording | fault | scans that differ | known ends, z | outline to be found, z | verdict |",
+        "|" + " --- |" * 6,
     ]
-    head = (
-        "| fault | units | named or asked | below bends' limit | below outline's | below chance, known ends |"
-    )
-    lines += ["", head, "|" + " --- |" * 6]
-    for kind, some in rows.items():
-        below = [sum(getattr(r, of)[0] <= z for r in some) for of, z in zip(_WAYS, limits, strict=True)]
-        told = sum(row.verdict != "missed" for row in some)
-        chance = sum(row.ends <= _CHANCE for row in some)
-        lines.append(f"| {kind} | {len(some)} | {told} | {below[0]} | {below[1]} | {chance} |")
-    lines += ["", "missed, |z| of bends, outline, known ends:"]
-    lines += [
-        f"- {kind}: {r.bends[0]:.1f}, {r.outline[0]:.1f}, {r.ends:.1f}"
-        for kind, some in rows.items() for r in some if r.verdict == "missed"
-    ]  # fmt: skip
+    for name in recordings:
+        seed, number = map(int, name.split("-"))
+        row, verdict = Evidence.of(seed, number), doctor_set.score(seed, number)["verdict"]
+        limit = " (the readings hold nothing)" * row.nothing
+        lines.append(
+            f"| {name} | {row.kind} | {row.scans} | {row.ends:.1f}{limit} | {row.outline:.1f} | {verdict} |"
+        )
     sys.stdout.write("\n".join(lines) + "\n")
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 2)
+    main(sys.argv[1:])

@@ -388,7 +388,7 @@ def unclamped(unit: Build, strip: int, end: int, layer: int = 0, ohm: float = 1e
     return replace(unit, **{name: clamps})
 
 
-_TIMES = (3.0, 12.0, 50.0, 200.0, 800.0)  # s: together a flicker
+WANDER_S = (3.0, 12.0, 50.0, 200.0, 800.0)  # s: together a flicker
 
 
 @dataclass(frozen=True)
@@ -466,13 +466,13 @@ def flicker(shape: tuple[int, int, int], time_s: Array, random: np.random.Genera
     """Return a process (names, scans, strips) of standard deviation 1 whose Allan deviation is flat from 3 to 800 s."""
     total = np.zeros(shape)
     gap = np.diff(time_s, prepend=time_s[0])
-    for one in _TIMES:
+    for one in WANDER_S:
         keep = np.exp(-gap / one)
         first = random.normal(size=(shape[0], shape[2]))
         new = np.sqrt(1.0 - keep[:, None, None] ** 2) * random.normal(size=shape).swapaxes(0, 1)
         new[0] = first
         total += first_order(new, keep).swapaxes(0, 1)
-    return np.asarray(total / np.sqrt(len(_TIMES)))
+    return np.asarray(total / np.sqrt(len(WANDER_S)))
 
 
 def soft_ends(

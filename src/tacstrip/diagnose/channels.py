@@ -41,6 +41,7 @@ _ONE_VISIT = 0.1  # of the places: a contact that goes beyond a limit only then 
 _ACROSS = 3  # strips, twice what the middle of a contact moves across
 _FAR_FROM_REST = 2.5  # times what counts as touched
 _ONE_CONTACT = 0.2  # over Vref: strips under one contact do not differ by more
+_ONE_OBJECT = 0.1  # over Vref: nor do two at its rim
 
 
 def on_rails(work: WorkingCopy) -> Iterator[Suspect]:
@@ -75,6 +76,9 @@ def on_rails(work: WorkingCopy) -> Iterator[Suspect]:
         single |= inside & free & ~free.all(axis=0) & (np.abs(e - rest) - gap > _INSIDE)
     # Of exchanged wires the other channel is as far off its neighbours.
     single &= ~(np.abs(r[::-1]) >= _OTHER_FITS * np.abs(r))
+    beside, known_beside = _beside_rim(values)
+    at_rim = known_beside & low & ~low.all(axis=0) & off_rail
+    single, e = single | at_rim, np.where(at_rim, beside, e)
     known_places = inside.any(axis=0).sum(axis=0)
     sound = (np.isfinite(values).all(axis=0) & ~low.all(axis=0) & ~high.all(axis=0)).sum(axis=0)
     reads_well = sound > (1.0 - _ALWAYS) * np.maximum(work.there.sum(axis=0), 1)
@@ -85,12 +89,25 @@ def on_rails(work: WorkingCopy) -> Iterator[Suspect]:
         gain = float(np.nansum(np.abs(r[:, :, strip])) / max(known, 1))
         channels = dict(zip(names, single[:, :, strip], strict=True))
         levels = {name: e[i, single[i, :, strip], strip] for i, name in enumerate(names)}
-        of = inside[:, :, strip].sum(axis=1)
+        of = (inside | known_beside)[:, :, strip].sum(axis=1)
         yield from _open_strip(
             work, strip, ground[:, strip], vref[:, strip], int(known_places[strip]), e[0, :, strip], gain,
             level[silent[:, strip], strip], e[0, off_rails[:, strip], strip], bool(reads_well[strip]),
         )  # fmt: skip
         yield from _one_channel(work, strip, channels, levels, of, gain)
+
+
+def _beside_rim(values: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Return what the one touched neighbour of a strip at a contact's rim reads, and where that is to be expected.
+
+    Both (signatures, places, strips). The strip's other channel reads as its neighbour's does there.
+    """
+    there = np.pad(np.isfinite(values), ((0, 0), (0, 0), (1, 1)), constant_values=True)
+    sides = np.pad(values, ((0, 0), (0, 0), (1, 1)), constant_values=np.nan)
+    beside = np.where(there[:, :, 2:], sides[:, :, 2:], sides[:, :, :-2])
+    alike = np.abs(values - beside) < _ONE_OBJECT
+    far = (beside > 2.0 * _INSIDE) & (beside < 1.0 - _INSIDE)
+    return beside, (there[:, :, 2:] ^ there[:, :, :-2]) & far & alike[::-1] & np.isfinite(values)
 
 
 def _extreme(values: FloatArray) -> FloatArray:

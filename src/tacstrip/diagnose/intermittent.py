@@ -16,6 +16,7 @@ from tacstrip.diagnose.neighbour_prediction import (
     predict_from_neighbours,
     strips_on_both_sides,
 )
+from tacstrip.diagnose.regression import passes
 
 # Over Vref: a reading this far off its neighbours' line, at the level of a free wire, dropped out.
 _FAR = 0.12
@@ -30,10 +31,12 @@ _MOVES = 0.03  # over Vref
 _MOST_ALONE = 8  # scans that a pointed contact touches one strip at its end
 _ONE_WAY = 0.6  # of readings off the line, by which those to one side are more than those to the other
 _LEAST, _MOST = 0.025, 0.7  # of the scans in which a dropout could be seen
+_SHARE_CUT, _VISITS = 0.15, 2  # of these, on one side of a height, and times that contacts came: cut or loose
 _OTHERS = 4.0  # times as many jumps as the third-worst strip: a contact's shape does the same to several
 _LASTING = 0.98  # of a strip's readings on one rail: it is open at an end, and does not come and go
 _FEW_OUT = 8  # scans on one rail, as those of a cut strip are
 _MOST_ASKED = 2  # strips: more is no joint of a strip
+_CUT_OR_LOOSE = ("open-strip", "intermittent")
 _CUT = 0.12  # a cut strip drops out at some heights, which are all above or all below the others
 
 
@@ -58,9 +61,9 @@ def intermittent(work: WorkingCopy) -> tuple[list[Finding], list[Question]]:
     lasting = _never_good(work)
     jumps[:, lasting] = 0
     told = list(_often(work, lasting))
-    findings = [f for f, certain in told if certain]
-    named = {i for f, _ in told for i in f.strips}
-    asked = [Question(f.strips, ("intermittent",), f.evidence) for f, certain in told if not certain]
+    findings = [f for f, causes in told if not causes]
+    named = {i for f, causes in told if causes != _CUT_OR_LOOSE for i in f.strips}
+    asked = [Question(f.strips, causes, f.evidence) for f, causes in told if causes]
     often = (jumps >= _JUMPS).any(axis=0) & ~np.isin(work.order, list(named))
     if often.sum() > _MOST_ASKED:  # a finger that hardly touches comes and goes on many strips
         jumps[:, often] = 0
@@ -85,6 +88,8 @@ def intermittent(work: WorkingCopy) -> tuple[list[Finding], list[Question]]:
         if (rows := amid[:, i := place[f.strips[0]]]).any() and not moved_across((right - left)[rows, i])
     ]  # fmt: skip
     asked += [Question(f.strips, ("intermittent",), f.evidence) for f in still]
+    loose = {f.strips for f in findings} | {q.strips for q in asked if q.causes != _CUT_OR_LOOSE}
+    asked = [q for q in asked if q.causes != _CUT_OR_LOOSE or q.strips not in loose]
     return [f for f in findings if f not in still], asked if len(asked) <= _MOST_ASKED else []
 
 
@@ -164,8 +169,8 @@ def _never_good(work: WorkingCopy) -> BoolArray:
     return np.asarray(on_rail.any(axis=0) | work.touched_without_contact())
 
 
-def _often(work: WorkingCopy, lasting: BoolArray) -> Iterator[tuple[Finding, bool]]:
-    """Yield channels that drop out in many scans, and whether often enough; strips that are `lasting` do not."""
+def _often(work: WorkingCopy, lasting: BoolArray) -> Iterator[tuple[Finding, tuple[str, ...]]]:
+    """Yield channels that drop out in many scans, and what else they may be; strips that are `lasting` do not."""
     rest = (work.sensor.rest_volt or 0.0) / work.sensor.vref_volt
     touch = (
         (work.sensor.touch_volt or 0.0) / work.sensor.vref_volt
@@ -188,7 +193,7 @@ def _often(work: WorkingCopy, lasting: BoolArray) -> Iterator[tuple[Finding, boo
             # A contact over a strip's end reads its rail, however steep the line.
             out = steady & free & (np.abs(values - np.clip(e, 0.0, 1.0)) > _FAR)
             good = steady & (np.abs(values - e) < _FAR / 2.0)
-            clear = out & inner & (np.abs(values - e) > _CLEAR)
+            clear = out & (np.abs(values - e) > _CLEAR)
         off_line = _Seen(out, good, e, clear, np.zeros_like(out))
         # A strip that counts as untouched has no reading; its neighbours' line spans the gap.
         silent = gone | (work.there & np.isnan(values) & np.isfinite(values).any(axis=0))
@@ -219,12 +224,15 @@ def _often(work: WorkingCopy, lasting: BoolArray) -> Iterator[tuple[Finding, boo
         ]
     for strip in np.flatnonzero(~lasting).tolist():
         channels = [
-            (name, *max(seen, key=lambda told: told[1]))
+            (name, *max(seen, key=lambda told: (not told[4], told[1])))
             for name, ways in found.items()
             if (seen := [(*told, w.out) for w in ways if (told := w.dropouts(work.k[name], gone, strip))])
         ]
         if not channels:
             continue
+        channels = [c for c in channels if not c[5]] or channels
+        certain = any(certain for *_, certain, _, _ in channels)
+        causes = _CUT_OR_LOOSE if channels[0][5] else ("intermittent",) * (not certain)
         name, share, gaps, count, *_ = max(channels, key=lambda c: c[1])
         evidence = (
             f"drops out in {gaps} scans, {100 * share:.2g} % of those in which its neighbours stay under the contact, "
@@ -233,7 +241,9 @@ def _often(work: WorkingCopy, lasting: BoolArray) -> Iterator[tuple[Finding, boo
         numbers = {"share": share, "scans": float(gaps), "jumps": float(count)}
         signature = name if len(channels) == 1 and len(work.k) == 2 else None
         finding = Finding("intermittent", (int(work.order[strip]),), evidence, numbers, signature)
-        yield finding, any(certain for *_, certain, _ in channels)
+        yield finding, causes
+        if causes == _CUT_OR_LOOSE:  # which is told by what it reads there
+            continue
         for channel, *_, out in channels:
             work.k[channel][out[:, strip], strip] = np.nan
         work.there[gone[:, strip], strip] = True
@@ -263,10 +273,10 @@ class _Seen:
 
     def dropouts(
         self, values: FloatArray, gone: BoolArray, strip: int
-    ) -> tuple[float, int, int, bool] | None:
-        """Return the share of dropouts, in how many scans, the jumps of a loose channel, whether they are many.
+    ) -> tuple[float, int, int, bool, bool] | None:
+        """Return the share of dropouts, in how many scans, the jumps of a loose channel, and whether they are many.
 
-        None of a sound one.
+        And whether they all are on one side of a height, as those of a cut strip. None of a sound channel.
         """
         out, good, read = self.out[:, strip], self.good[:, strip], values[:, strip]
         gaps, under = int(out.sum()), int((good & np.isfinite(read)).sum())
@@ -281,7 +291,8 @@ class _Seen:
             or not _LEAST < share < _MOST
         ):
             return None
-        many |= len(clear) >= _MANY_CLEAR and np.ptp(clear) >= _MOVES
+        inside = 0 < strip < self.out.shape[1] - 1  # an outermost strip has neighbours on one side
+        many |= inside and len(clear) >= _MANY_CLEAR and np.ptp(clear) >= _MOVES
         read, line = np.where(gone[:, strip], np.nan, read), self.expected[:, strip]
         # Where the neighbours read as a free wire does, good readings prove nothing.
         levels = (read < 0.5, line > _FAR), (read >= 0.5, line < 1.0 - _FAR), (np.isnan(read), line > -1.0)
@@ -289,7 +300,12 @@ class _Seen:
             mixed_heights(line[out & side], line[good & apart])
             for side, apart in levels if (out & side).sum() >= _FEWEST
         ]  # fmt: skip
-        return (share, gaps, int(self.jumps[strip]), bool(many)) if mixed and all(mixed) else None
+        cut = not (mixed and all(mixed))
+        if cut and (
+            not inside or share < _SHARE_CUT or passes(np.flatnonzero(self.clear[:, strip])) < _VISITS
+        ):
+            return None
+        return share, gaps, int(self.jumps[strip]), bool(many), cut
 
 
 def _gaps(work: WorkingCopy) -> BoolArray:

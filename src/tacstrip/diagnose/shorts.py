@@ -47,7 +47,7 @@ _LENGTH = 0.6  # over L: readings jump by the contact's length at a bridge; long
 _GRID = np.linspace(0.0, 1.0, 11)
 # Against one rigid outline under all strips: gain, times other pairs', and of its power, what is not confounded.
 _BRIDGES, _QUARTERS = np.linspace(0.0, 1.0, 7), 4  # over L; of the recording
-_GAIN_TIED, _TIMES_TIED, _KNOWN_TIED = 80.0, 4.0, 0.15
+_GAIN_TIED, _GAIN_TIED_ASKED, _TIMES_TIED, _KNOWN_TIED = 80.0, 40.0, 4.0, 0.15
 _GAIN_IN_QUARTERS, _TIMES_IN_QUARTERS = 20.0, 2.0
 _PLACES = np.array([(a, b) for i, a in enumerate(_GRID) for b in _GRID[i:] if b - a <= _LENGTH]).T
 
@@ -77,9 +77,9 @@ def tied_under_outline(work: WorkingCopy) -> Suspect | None:
         if (model := RigidContact.of(work, part)) is None:
             return None
         pair, bridge, others = _tied_pair(model, slice(0, 0))
-        if bridge.gain <= max(_GAIN_TIED, _TIMES_TIED * others):
+        if bridge.gain <= max(_GAIN_TIED_ASKED, _TIMES_TIED * others):
             return None
-        stands = True
+        stands = bridge.gain > _GAIN_TIED
         for quarter in range(_QUARTERS):
             other, left, usual = _tied_pair(model, model.part(quarter, _QUARTERS))
             stands &= other == pair and left.gain > max(_GAIN_IN_QUARTERS, _TIMES_IN_QUARTERS * usual)
