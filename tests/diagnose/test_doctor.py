@@ -15,6 +15,7 @@ from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
 from tacstrip.diagnose.doctor import diagnose
 from tacstrip.diagnose.faults import Finding, Report
+from tacstrip.diagnose.hum import _mains_lines
 from tacstrip.diagnose.log import Log
 from tacstrip.diagnose.noise import typical_contact
 from tacstrip.diagnose.shorts import bridge_effect
@@ -265,6 +266,15 @@ def test_hum_of_one_strip_and_of_all(hertz: float) -> None:
         assert found.numbers["amplitude"] == pytest.approx(0.02, rel=0.3)
 
 
+def test_hum_of_all_strips_is_no_less_where_a_contact_jumps_on_one() -> None:
+    """On it there is more power near the line than on all others together."""
+    near = np.where(np.arange(10) == 4, 100.0, 1.0)
+    power = 1e-5 * np.stack([np.full(10, 12.0), near])[:, None] * np.ones((2, 4, 1))  # (2, segments, strips)
+    nothing, counts = np.zeros_like(power), np.ones((4, 10))
+    (found,) = _mains_lines([nothing, power], [0.0 * counts, counts], 0.001, apart=True)
+    assert (found.fault, found.strips, found.numbers["hertz"]) == ("hum", (), 60.0)
+
+
 @pytest.mark.usefixtures("no_outline")
 def test_hum_that_sampling_hides_is_listed_as_unchecked() -> None:
     contacts = exercise(RUBBER, np.random.default_rng(5), 480)
@@ -467,6 +477,19 @@ def test_one_channel_on_vref_under_one_press_is_asked_about_as_stuck() -> None:
 )
 def test_faults_of_units_that_are_kept_apart_are_named(seed: int, number: int, why: str) -> None:
     assert doctor_set.score(seed, number)["verdict"] == "named", why
+
+
+@pytest.mark.usefixtures("no_outline")
+@pytest.mark.parametrize(
+    ("seed", "number", "verdict", "why"),
+    [
+        (771, 77, "asked", "an outermost strip over metal that drops out and comes back"),
+        (774, 33, "asked", "a strip on Vref for most contacts of its upper half: cut or loose"),
+        (775, 53, "named", "a cut sensing strip, mostly seen at contacts' rims"),
+    ],
+)
+def test_faults_of_which_little_is_seen(seed: int, number: int, verdict: str, why: str) -> None:
+    assert doctor_set.score(seed, number)["verdict"] == verdict, why
 
 
 @pytest.mark.parametrize(
