@@ -15,7 +15,6 @@ from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
 from tacstrip.diagnose.doctor import diagnose
 from tacstrip.diagnose.faults import Finding, Report
-from tacstrip.diagnose.hum import _mains_lines
 from tacstrip.diagnose.log import Log
 from tacstrip.diagnose.noise import typical_contact
 from tacstrip.diagnose.shorts import bridge_effect
@@ -264,15 +263,6 @@ def test_hum_of_one_strip_and_of_all(hertz: float) -> None:
         found = _only(_examined(RUBBER, Defect("hum", strip, 0.02, hertz=hertz), scans=300), "hum", *strips)
         assert found.numbers["hertz"] == hertz
         assert found.numbers["amplitude"] == pytest.approx(0.02, rel=0.3)
-
-
-def test_hum_of_all_strips_is_no_less_where_a_contact_jumps_on_one() -> None:
-    """On it there is more power near the line than on all others together."""
-    near = np.where(np.arange(10) == 4, 100.0, 1.0)
-    power = 1e-5 * np.stack([np.full(10, 12.0), near])[:, None] * np.ones((2, 4, 1))  # (2, segments, strips)
-    nothing, counts = np.zeros_like(power), np.ones((4, 10))
-    (found,) = _mains_lines([nothing, power], [0.0 * counts, counts], 0.001, apart=True)
-    assert (found.fault, found.strips, found.numbers["hertz"]) == ("hum", (), 60.0)
 
 
 @pytest.mark.usefixtures("no_outline")

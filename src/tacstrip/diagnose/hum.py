@@ -26,7 +26,6 @@ _SHORTEST = 32  # scans of a segment
 _FEWEST = 24  # readings of a strip
 _CLIP = 5.0  # times the median: jumps
 _BELOW = 2  # nearby frequencies
-_ALIKE, _ALIKE_LASTING = 0.7, 0.4  # of the strips that show a line that is on all, and that do in both halves
 _NEAR = np.setdiff1d(np.arange(-14, 15), np.arange(-2, 3)) * 0.7  # nearby frequencies, in 1 / visit
 
 
@@ -149,20 +148,18 @@ def _mains_lines(
     i = int(np.argmax(np.where(weight.any(axis=1), every, -1.0)))
     level = float(np.sqrt(sums[i, 0].sum() / weight[i].sum()))
     # A sheet's strips shift each other's readings: they are one witness.
-    # One that a contact jumps on adds to what is near the line, of all strips together.
-    most = max(every[i], float(np.median(ratio[i, known]))) if apart and known.any() else every[i]
     shared = (
-        most > (_LINE / 2.0 if apart else _LINE_ONCE)
-        and np.mean(ratio[i, known] > 3.0) > _ALIKE
+        every[i] > (_LINE / 2.0 if apart else _LINE_ONCE)
+        and np.mean(ratio[i, known] > 3.0) > 0.7
         and level > _HUM
     )
     seen = known & ~once[i]
     together = _lasting(powers[i].sum(axis=2)[..., None], counts[i].sum(axis=1)[:, None])
-    shared = shared and bool(np.mean(lasting[i, seen]) > _ALIKE_LASTING if seen.sum() > 2 else together.all())
+    shared = shared and bool(np.mean(lasting[i, seen]) > 0.5 if seen.sum() > 2 else together.all())
     if known.sum() > 2 and (shared or (apart and np.sum(loud, axis=1)[i] > 0.5 * known.sum())):
         evidence = f"{MAINS[i]:g} Hz of +-{100 * level:.2g} % of Vref on all strips, "
-        evidence += f"{most:.3g} times the power near it"
-        numbers = {"hertz": MAINS[i], "amplitude": level, "ratio": float(most)}
+        evidence += f"{every[i]:.3g} times the power near it"
+        numbers = {"hertz": MAINS[i], "amplitude": level, "ratio": float(every[i])}
         yield Finding("hum", (), evidence, numbers)
         return
     ratio = np.where(weight > 0.0, ratio, 0.0)
