@@ -173,8 +173,10 @@ def _shown(
     kinds |= {f for f, i in every if f not in _LATE and (everywhere or any(_near(i, j) for _, j in sought))}
     again = _examined(part.kept(left), kinds, sought)
     found = {(f.fault, f.strips) for f in again.findings}
-    # A part of a drift may bend, and one of a wander be straight.
+    # A part of a drift may bend, and one of a wander be straight; contacts on one side of a sensing strip's cut alone
+    # show a dead channel.
     found |= {(kind, strips) for fault, strips in found if fault in _SLOW for kind in _SLOW}
+    found |= {("open-sensing", strips) for fault, strips in found if fault == "dead"}
     return (
         found,
         {(cause, q.strips) for q in again.questions for cause in q.causes},
