@@ -476,6 +476,7 @@ def test_faults_of_units_that_are_kept_apart_are_named(seed: int, number: int, w
         (771, 77, "asked", "an outermost strip over metal that drops out and comes back"),
         (774, 33, "asked", "a strip on Vref for most contacts of its upper half: cut or loose"),
         (775, 53, "named", "a cut sensing strip, mostly seen at contacts' rims"),
+        (775, 9, "named", "another, which without one quarter is a dead channel"),
     ],
 )
 def test_faults_of_which_little_is_seen(seed: int, number: int, verdict: str, why: str) -> None:
