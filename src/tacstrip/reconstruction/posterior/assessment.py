@@ -33,7 +33,7 @@ PROMISED_IOU = 0.8  # of an outline that is "ok" with the true one
 ENOUGH = 0.77  # confidence of the least certain "ok": all of them together are right in 95 of 100 cases
 ENOUGH_OF_FEW = 0.85  # with both signatures on fewer than `ENOUGH_STRIPS`: many are hardly surer
 # With one signature, where many are hardly surer than that.
-ENOUGH_OF_ONE: Mapping[Effort, float] = {"thorough": 0.76, "fast": 0.68}
+ENOUGH_OF_ONE: Mapping[Effort, float] = {"thorough": 0.76, "fast": 0.73}
 _EVALUATIONS = {"thorough": 300_000, "fast": 14_000}
 # Both signatures on fewer strips leave outlines of more corners open, which so few draws would miss.
 HELD_STRIPS, _EVALUATIONS_OF_FEW = 5, 56_000
@@ -42,12 +42,13 @@ _RATHER_WRONG, _BETTER = 0.5, 0.1  # an estimate less sure than this is given up
 _ROUNDED_BETTER = 0.3  # likewise a polygon for a rounded outline, for the vertices are lost with it
 _REGULAR_BETTER = 4.5  # times the odds, likewise for a regular outline
 # With one signature: log odds of being right, by kind of `doubts`, whose terms these go with. `studies/confidence.py`
-# fits them, but for that of an ellipse at the border (the fourth of its kinds).
+# fits them, but for that of an ellipse at the border (the fourth of its kinds). Fast, and of few strips, the first ones
+# are of convex contacts alone.
 _FEW, _POLYGON, _ELLIPSE, _RIVALS = "few strips", "polygon", "ellipse", ", rivals"
 _ROUNDED, _REGULAR = "rounded", "regular"
 _ODDS: dict[str, dict[str, tuple[float, ...]]] = {
     "thorough": {
-        _FEW: (-2.307, 1.368, 0.4, -0.211),
+        _FEW: (-2.0, 1.368, 0.4, -0.211),
         _POLYGON + _RIVALS: (
             *(-3.495, 0.751, -0.324, -1.119, -21.43, 0.127, 0.337, -0.174, 1.344, -0.229, 0.247, -0.045),
             -1.257,
@@ -59,9 +60,9 @@ _ODDS: dict[str, dict[str, tuple[float, ...]]] = {
         _ELLIPSE: (-8.726, 2.087, 1.242, -3.0, -1.243),
     },
     "fast": {
-        _FEW: (-2.545, 1.194, 0.522, -0.233),
-        _POLYGON + _RIVALS: (-0.776, 1.047, -0.499, -0.455, -20.336, 0.447, 0.751, 0.286),
-        _ELLIPSE + _RIVALS: (-1.433, -0.083, 0.455, -3.0, -1.408, 0.577, 1.419, -0.122, 0.315),
+        _FEW: (-2.390, 1.194, 0.522, -0.233),
+        _POLYGON + _RIVALS: (-0.591, 1.047, -0.499, -0.455, -20.336, 0.447, 0.751, 0.286),
+        _ELLIPSE + _RIVALS: (-0.833, -0.083, 0.455, -3.6, -1.408, 0.577, 1.419, -0.122, 0.315),
         _POLYGON: (-2.374, 1.453, -0.418, -0.276, -28.86),
         _ELLIPSE: (-8.863, 2.089, 1.232, -3.0, -1.293),
     },
