@@ -5,8 +5,8 @@ Run: python -m studies.confidence [--signatures one|both] [--assessment thorough
 Prints how many `ok` are wrong ("silent"), how many right ones are doubted, what was right of each tenth of confidence,
 and the log odds by `assessment.doubts` that fit these cases best. `--families`: one signature on 12 strips or
 more, as many cases of each of `FAMILIES`, each reported by itself, and the log odds of all of them together: as the
-package's were found, but for few strips and for an ellipse at the border. `--scored`: with the contacts that
-`studies.holdout.score --set convex --cases 600` counts as one signature's, of each of these seeds.
+package's were found, but for an ellipse at the border. `--scored`: with the contacts of one signature, also on few
+strips, of `studies.holdout.score --set convex --cases 600`, of each of these seeds.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ from tacstrip.reconstruction.posterior.rounded import RoundedDraws
 
 ONE = ("kh", "kl", "k")
 # Of outlines, by how much a case of each counts: nobody knows how often people press what is not convex.
-FAMILIES = {"convex": 1.0, "own": 1.0, "rounded": 0.7, "concave": 0.25, "own concave": 0.25}
+FAMILIES = {"convex": 1.0, "own": 1.0, "rounded": 0.5, "concave": 0.25, "own concave": 0.25}
 _KINDS = {"convex": shapes.CONVEX, "rounded": shapes.ROUNDED, "concave": shapes.CONCAVE}
 _NEWTON, _PULL = 30, 0.1
 CLEARLY_RIGHT = 0.9  # IoU of an outline whose doubt is a false one
@@ -107,10 +107,10 @@ def of_family(family: str, seed: int, count: int) -> list[Case]:
 
 
 def scored(seed: int, count: int = 600) -> Iterator[Case]:
-    """Draw the hold-out's convex contacts of one signature on 12 strips or more, with noise of at most 1 %."""
+    """Draw the hold-out's convex contacts of one signature, of any strips and noise."""
     for number in range(count):
         drawn = holdout.convex(holdout.rng("convex", seed, number))
-        if len(drawn.unit.names) == 1 and drawn.strips >= ENOUGH_STRIPS and drawn.half_width <= 0.01:
+        if len(drawn.unit.names) == 1:
             yield _case(drawn)
 
 

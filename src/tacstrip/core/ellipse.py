@@ -24,6 +24,7 @@ _CHORD = np.pi / (_POINTS + 1)  # angle between two of them
 _SAME_AREA = np.sqrt(_CHORD / np.sin(_CHORD))  # so much further out chords hold the ellipse's area
 _STEEP = 0.03  # sqrt(1 - t^2) of the place nearest to an end where its slope is taken
 _ALWAYS = 1e-9  # added to the normal matrix
+_PLACES, _REACH = 7, 4.0  # of an end's x that are integrated over, within so many deviations
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,16 +84,85 @@ class Ellipse:
         return lower, upper
 
     def covariance(self, problem: FitProblem, sensor: Sensor) -> FloatArray:
-        """Return the covariance (84, 84) [mm^2] of the 42 vertices."""
+        """Return the covariance (84, 84) [mm^2] of the 42 vertices about the estimate.
+
+        What touched strips leave of the ends' x is integrated over: heights bend with it by more than their slopes say.
+        """
+        return self._of_vertices(self._scatter(problem), problem)
+
+    def disc_evidence(self, problem: FitProblem) -> float:
+        """Return the log density, by slopes, of a disc's slant and ratio of axes; -inf where nothing is known of them.
+
+        Ellipses of any slant and ratio have about 0 or less; what is a disc to a hundredth has 9.
+        """
+        left, right, _, rise, half = self.parameters
+        width, height = 0.5 * (right - left) * problem.width_mm, half * problem.length_mm
+        covariance = self._linear()
+        if min(width, height) <= 0.0 or not np.isfinite(covariance).all():
+            return -np.inf
+        off = np.array([rise * problem.length_mm / width, np.log(height / width)])
+        slopes = np.array([[0.0, 0.0, 0.0, problem.length_mm / width, 0.0], [1.0, -1.0, 0.0, 0.0, 0.0]])
+        slopes[1] = slopes[1] / (right - left) + [0.0, 0.0, 0.0, 0.0, 1.0 / half]
+        known = slopes @ covariance @ slopes.T
+        return float(-0.5 * (off @ np.linalg.solve(known, off) + np.linalg.slogdet(known)[1]))
+
+    def linear_covariance(self, problem: FitProblem, sensor: Sensor) -> FloatArray:
+        """Return the covariance (84, 84) [mm^2] of the 42 vertices by slopes at the estimate."""
+        return self._of_vertices(self._linear(), problem)
+
+    def _of_vertices(self, of_parameters: FloatArray, problem: FitProblem) -> FloatArray:
         t, r = _drawn()
         t, r = np.concatenate([t, t[-2:0:-1]]), np.concatenate([-r, r[-2:0:-1]])  # (42,) counter-clockwise
         jacobian = np.zeros((len(t), 2, 5))
         jacobian[:, 0, 0], jacobian[:, 0, 1] = 0.5 * (1.0 - t), 0.5 * (1.0 + t)
         jacobian[:, 1, 2], jacobian[:, 1, 3], jacobian[:, 1, 4] = 1.0, t, r
         in_mm = (jacobian * np.array((problem.width_mm, problem.length_mm))[:, None]).reshape(-1, 5)
-        value, vector = np.linalg.eigh(self.information)
-        of_parameters = covariance(np.sqrt(np.maximum(value, 0.0))[:, None] * vector.T)
         return np.asarray(in_mm @ of_parameters @ in_mm.T)
+
+    def _linear(self) -> FloatArray:
+        value, vector = np.linalg.eigh(self.information)
+        return covariance(np.sqrt(np.maximum(value, 0.0))[:, None] * vector.T)
+
+    def _scatter(self, problem: FitProblem) -> FloatArray:
+        """Return mean squared errors (5, 5) of the parameters: at places of both ends the best heights and theirs."""
+        linear, half = self._linear(), 0.5 * problem.pitch
+        reach = np.sqrt(linear.diagonal()[:2])
+        from_x, to_x = (
+            np.clip(self.parameters[:2] + side * _REACH * reach, *_window(half)) for side in (-1, 1)
+        )
+        if not np.isfinite(linear).all() or (to_x <= from_x).any():
+            return linear
+        node, part = np.polynomial.legendre.leggauss(_PLACES)
+        at = 0.5 * (from_x + to_x)[:, None] + 0.5 * (to_x - from_x)[:, None] * node
+        left, right = (x.reshape(-1, 1) for x in np.meshgrid(*at, indexing="ij"))  # (K, 1), K = _PLACES^2
+        t = np.clip((2.0 * problem.x - left - right) / (right - left), -1.0, 1.0)
+        r, one = np.sqrt(np.maximum(1.0 - t * t, 0.0)), np.ones_like(t)
+        by_l, by_u = (np.stack([one, t, root], axis=1) for root in (-r, r))  # (K, 3, n)
+        heights = np.tile(self.parameters[2:], (len(t), 1))
+
+        def fit() -> tuple[FloatArray, FloatArray, FloatArray]:
+            l, u = (np.clip((heights[:, None] @ by)[:, 0], 0.0, 1.0) for by in (by_l, by_u))
+            ll, lu, uu, lr, ur, rr = (v[:, None] for v in terms(l, u, problem))
+            matrix = (ll * by_l + lu * by_u) @ by_l.transpose(0, 2, 1)
+            matrix += (lu * by_l + uu * by_u) @ by_u.transpose(0, 2, 1) + _ALWAYS * np.eye(3)
+            return rr.sum(axis=2)[:, 0], matrix, (by_l * lr + by_u * ur).sum(axis=2)
+
+        _, matrix, gradient = fit()
+        heights += np.linalg.solve(matrix, gradient[..., None])[..., 0]
+        heights[:, 2] = np.maximum(heights[:, 2], 0.0)
+        cost, matrix, _ = fit()
+        log = -0.5 * (cost + np.linalg.slogdet(matrix)[1])
+        weight = np.outer(part, part).ravel() * np.exp(log - log.max())
+        weight /= weight.sum()
+        off = np.concatenate([left, right, heights], axis=1) - self.parameters
+        found = (weight[:, None] * off).T @ off
+        found[2:, 2:] += np.tensordot(weight, np.linalg.inv(matrix), axes=1)
+        return np.asarray(found)
+
+
+def _window(half: float) -> tuple[FloatArray, FloatArray]:
+    """Return the least and greatest x (2,) of both ends: half a pitch to either side."""
+    return np.array([-half, 1.0 - half]), np.array([half, 1.0 + half])
 
 
 def _drawn() -> tuple[FloatArray, FloatArray]:
@@ -128,7 +198,7 @@ def plain_fit_ellipse(start: PolygonFit, problem: FitProblem, wanted: float = np
     for _ in range(_STEPS):
         small = matrix + np.diag(damping * matrix.diagonal() + _ALWAYS)
         trial = p + np.linalg.solve(small, gradient)
-        trial[:2] = np.clip(trial[:2], (-half, 1.0 - half), (half, 1.0 + half))
+        trial[:2] = np.clip(trial[:2], *_window(half))
         trial[2] = np.clip(trial[2], 0.0, 1.0)
         room = min(trial[2], 1.0 - trial[2])
         trial[3:] = np.clip(trial[3:], (-room, 0.0), (room, 0.5))

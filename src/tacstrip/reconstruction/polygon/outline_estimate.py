@@ -9,6 +9,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
+from tacstrip.core.ellipse import Ellipse
 from tacstrip.core.outline_model import OutlineModel
 from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.fisher import positive_part
@@ -178,7 +179,7 @@ def _errors(
 
 def _by_slopes(model: OutlineModel, run: RunFit, sensor: Sensor, covariance: FloatArray) -> FloatArray:
     """Return the covariance of which errors are propagated: by slopes at the estimate, as they are."""
-    if not isinstance(model, PolygonFit) or sensor.strip_width_mm is not None:
+    if not isinstance(model, PolygonFit | Ellipse) or sensor.strip_width_mm is not None:
         return covariance
     return model.linear_covariance(run.problem, sensor)
 

@@ -33,7 +33,7 @@ PROMISED_IOU = 0.8  # of an outline that is "ok" with the true one
 ENOUGH = 0.77  # confidence of the least certain "ok": all of them together are right in 95 of 100 cases
 ENOUGH_OF_FEW = 0.85  # with both signatures on fewer than `ENOUGH_STRIPS`: many are hardly surer
 # With one signature, where many are hardly surer than that.
-ENOUGH_OF_ONE: Mapping[Effort, float] = {"thorough": 0.76, "fast": 0.66}
+ENOUGH_OF_ONE: Mapping[Effort, float] = {"thorough": 0.76, "fast": 0.73}
 _EVALUATIONS = {"thorough": 300_000, "fast": 14_000}
 # Both signatures on fewer strips leave outlines of more corners open, which so few draws would miss.
 HELD_STRIPS, _EVALUATIONS_OF_FEW = 5, 56_000
@@ -42,26 +42,27 @@ _RATHER_WRONG, _BETTER = 0.5, 0.1  # an estimate less sure than this is given up
 _ROUNDED_BETTER = 0.3  # likewise a polygon for a rounded outline, for the vertices are lost with it
 _REGULAR_BETTER = 4.5  # times the odds, likewise for a regular outline
 # With one signature: log odds of being right, by kind of `doubts`, whose terms these go with. `studies/confidence.py`
-# fits them, but for that of an ellipse at the border (the fourth of its kinds).
+# fits them, but for that of an ellipse at the border (the fourth of its kinds). Fast, and of few strips, the first ones
+# are of convex contacts alone.
 _FEW, _POLYGON, _ELLIPSE, _RIVALS = "few strips", "polygon", "ellipse", ", rivals"
 _ROUNDED, _REGULAR = "rounded", "regular"
 _ODDS: dict[str, dict[str, tuple[float, ...]]] = {
     "thorough": {
-        _FEW: (-2.307, 1.368, 0.4, -0.211),
+        _FEW: (-2.0, 1.368, 0.4, -0.211),
         _POLYGON + _RIVALS: (
-            *(-3.495, 0.751, -0.324, -1.119, -21.43, 0.127, 0.337, 1.344, -0.229, -0.174, 0.247, -0.045),
+            *(-3.495, 0.751, -0.324, -1.119, -21.43, 0.127, 0.337, -0.174, 1.344, -0.229, 0.247, -0.045),
             -1.257,
         ),
-        _ELLIPSE + _RIVALS: (-2.464, -0.016, 0.514, -0.893, -2.197, 1.718, 0.318, 1.321, 0.620, -0.238),
+        _ELLIPSE + _RIVALS: (-2.464, -0.016, 0.514, -0.893, -2.197, 1.718, 0.318, -0.238, 1.321, 0.620),
         _REGULAR: (-4.528, 1.051, -0.267, 0.565, 0.750, -0.523, -0.077, -6.301, -0.284, 0.151),
         _ROUNDED: (-2.722, 0.194, -0.300, 1.014, 0.210, 0.618, 1.678, 0.328),
         _POLYGON: (-1.957, 1.436, -0.346, -1.141, -30.5),
         _ELLIPSE: (-8.726, 2.087, 1.242, -3.0, -1.243),
     },
     "fast": {
-        _FEW: (-3.293, 1.021, 2.035, -0.154),
-        _POLYGON + _RIVALS: (-2.013, 0.805, -0.493, -0.696, -22.973, 0.390, 0.711),
-        _ELLIPSE + _RIVALS: (-2.108, 0.024, 1.013, -3.0, -2.787, 0.774, 0.283),
+        _FEW: (-2.390, 1.194, 0.522, -0.233),
+        _POLYGON + _RIVALS: (-0.591, 1.047, -0.499, -0.455, -20.336, 0.447, 0.751, 0.286),
+        _ELLIPSE + _RIVALS: (-0.833, -0.083, 0.455, -3.6, -1.408, 0.577, 1.419, -0.122, 0.315),
         _POLYGON: (-2.374, 1.453, -0.418, -0.276, -28.86),
         _ELLIPSE: (-8.863, 2.089, 1.232, -3.0, -1.293),
     },
@@ -71,6 +72,7 @@ _PLAIN, _MANY = 5, 7  # corners that are no doubt, and how many more of them cou
 _LEAST = 0.02  # expected IoU that none counts as
 _MISFITS = (0.5, 300.0)  # of the best rounded outline, beyond which it tells no more
 _SLENDEREST = 0.01  # ratio of the axes, below which it tells no more
+_DISC = (-2.0, 6.0)  # evidence that an ellipse is a disc, beyond which it tells no more
 _WORST = -60.0  # advantage of regular outlines, below which it tells no more
 _SQUARES = (0.3, 3.0)  # of the residuals a degree of freedom, likewise
 # At most, where the readings hold another count than was given: a third of the surer ones are right.
@@ -297,10 +299,13 @@ def doubts(
         of = [1.0, odds, _many(corners), height, _left_out(run, faults)]
     if rounded is not None:
         kind += _RIVALS
-        of += [_misfit(rounded.misfit), _log_odds(float(rounded.weight @ rounded.overlap(ends)))]
+        overlap = float(rounded.weight @ rounded.overlap(ends))
+        of += [_misfit(rounded.misfit), _log_odds(overlap), math.log(run.sigma)]
+        if regular is None and isinstance(model, Ellipse):  # else regular ones tell discs
+            of.append(min(max(model.disc_evidence(run.problem), _DISC[0]), _DISC[1]))
     if drawn is not None and regular is not None:
         alike, unexplained = _likeness(regular, ends)
-        of += [alike, _advantage(regular), math.log(run.sigma)]
+        of += [alike, _advantage(regular)]
         # Where no regular one explains them, few corners are a polygon's, and many those of what is rounded; and where
         # no polygon does, the outline is concave.
         if not ellipse:
