@@ -26,7 +26,8 @@ _SPLU = {
 # Right-hand sides at once: more of them fall out of the cache, and from 8 on BLAS takes threads, which wait for each
 # other for long on a busy machine.
 _TOGETHER = 4
-_LITTLE_MORE = 2  # times as many
+# The last rows of the factors are solved alone: at most so many times the nodes asked for, and this part of all.
+_LITTLE_MORE, _PART = 2, 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,7 +217,7 @@ class Factored:
             return np.arange(size), np.copy
         rows = np.unique(self._number[np.concatenate([into, others])])
         first = int(factor.perm_c[rows[rows >= 0]].min(initial=size))
-        if size - first > _LITTLE_MORE * len(rows) or (self._number[into] < 0).any():
+        if size - first > min(_LITTLE_MORE * len(rows), _PART * size) or (self._number[into] < 0).any():
             return np.arange(size), factor.solve
         lower, upper = (np.asfortranarray(f[:, first:][first:].toarray()) for f in (factor.L, factor.U))
         return factor.perm_c - first, lambda b: np.asarray(
