@@ -35,8 +35,6 @@ _STEPS, _SETTLED, _CURVED = 16, 0.03, 1.0
 _LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e5
 _HARDER, _EASIER = 8.0, 0.1
 _EXPLAINED = 4.0  # deviations that a reading of an outer strip may be off
-# Over b / L: what the closed form is off at most, but for one in a hundred, on strips covered in part.
-_PARTLY = 0.5
 _DRAWS = 24  # outlines that the covariance allows
 _CORNERS = 12  # of more vertices a descent would take seconds
 _TURN = 1e-9  # of the sensor's area: a corner that turns inwards by less is straight
@@ -180,9 +178,9 @@ def contradicted_by_outer_strip(
     made = np.stack([*signatures(sensor, ends.l[:, out], ends.u[:, out]).values()])  # (S, contacts, out)
     read = np.stack([scan[name][out] for name in scan.signatures])
     spread = np.nanstd(made, axis=1) if np.isfinite(made).any() else np.zeros_like(read)
-    known = np.hypot(sigma, _PARTLY * sensor.strip_width / sensor.length_mm)
-    off = np.nan_to_num(np.abs(read - made[:, 0]))
-    if (off <= _EXPLAINED * np.hypot(known, np.nan_to_num(spread))).all():
+    resolved = signatures(sensor, *WithCorners(sensor, outline, sensor.x_mm[out]).ends)
+    off = np.nan_to_num(np.abs(read - np.stack([*resolved.values()])))
+    if (off <= _EXPLAINED * np.hypot(sigma, np.nan_to_num(spread))).all():
         return ""
     strip = out[int(off.max(axis=0).argmax())] + sensor.strip_base
     return (
