@@ -118,7 +118,7 @@ def vertex_covariance(
         Centre lines of the strips that are read [mm]; all of the sensor's by default. Strips that the outline
         does not touch are left out.
     resolved
-        Whether wide strips with a corner on them or covered in part are resolved across their width; some .1 s.
+        Whether wide strips with a corner on them or covered in part are resolved across their width; some .1 to .3 s.
 
     Returns
     -------
