@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -25,6 +26,8 @@ _SPLU = {
 # Right-hand sides at once: more of them fall out of the cache, and from 8 on BLAS takes threads, which wait for each
 # other for long on a busy machine.
 _TOGETHER = 4
+# The last rows of the factors are solved alone: at most so many times the nodes asked for, and this part of all.
+_LITTLE_MORE, _PART = 2, 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,10 +111,11 @@ class Measurement:
 class Factored:
     """A network with its held nodes, factored once.
 
-    Nodes that no resistor joins, over others, to a held node float: their potential is not determined.
+    Nodes that no resistor joins, over others, to a held node float: their potential is not determined. Nodes are
+    eliminated in an `order` (nodes,) that is known beforehand, or by minimum degree.
     """
 
-    def __init__(self, network: Network, held: npt.ArrayLike) -> None:
+    def __init__(self, network: Network, held: npt.ArrayLike, order: IntArray | None = None) -> None:
         from scipy.sparse import coo_array
         from scipy.sparse.linalg import splu
 
@@ -123,7 +127,7 @@ class Factored:
         self.floating = network.floating(self.held)
         free = ~self.floating
         free[self.held] = False
-        self._free = np.flatnonzero(free)
+        self._free = np.flatnonzero(free) if order is None else order[free[order]]
         self._number = number = np.full(n, -1)
         number[self._free] = np.arange(len(self._free))
         place = np.full(n, -1)
@@ -145,7 +149,8 @@ class Factored:
         self._to_held = coo_array(to_held, shape=(size, len(self.held))).tocsr()
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            self._factor = splu(matrix.tocsc(), **_SPLU) if size else None
+            by = {} if order is None else {"permc_spec": "NATURAL"}
+            self._factor = splu(matrix.tocsc(), **(_SPLU | by)) if size else None
 
     def solve(self, volts: npt.ArrayLike, amperes: FloatArray | None = None) -> FloatArray:
         """Return the potentials (nodes,) or, for many measurements at once, (nodes, measurements).
@@ -181,22 +186,43 @@ class Factored:
         at = np.arange(self.network.nodes) if at is None else at
         number = self._number
         inner = number[at] >= 0
-        rows = number[at[inner]]
+        place, solved = self._solver(into, np.concatenate([at, at[:0] if out is None else out]))
+        rows = place[number[at[inner]]]
         potentials = np.zeros((len(at), len(into)), order="F")
         for first in range(0, len(into), _TOGETHER):
             part = slice(first, first + _TOGETHER)
-            right = np.zeros((len(self._free), len(into[part])), order="F")
+            right = np.zeros((place.max(initial=-1) + 1, len(into[part])), order="F")
             for k, node in enumerate(into[part]):
                 if number[node] >= 0:
-                    right[number[node], k] = 1.0
+                    right[place[number[node]], k] = 1.0
                 else:
                     right[:, k] = self._to_held[:, self.held == node].toarray()[:, 0]
                     potentials[at == node, first + k] = 1.0
                 if out is not None and number[out[first + k]] >= 0:
-                    right[number[out[first + k]], k] -= 1.0
-            solved = self._factor.solve(right) if self._factor is not None else right
-            potentials[inner, part] = solved[rows]
+                    right[place[number[out[first + k]]], k] -= 1.0
+            potentials[inner, part] = solved(right)[rows]
         return potentials
+
+    def _solver(
+        self, into: IntArray, others: IntArray
+    ) -> tuple[IntArray, Callable[[FloatArray], FloatArray]]:
+        """Return the place of each free node among the unknowns, and what solves for these, with currents `into` nodes.
+
+        Where these and the others are nearly all of the factors' last rows, these alone are solved.
+        """
+        from scipy.linalg.blas import dtrsm
+
+        factor, size = self._factor, len(self._free)
+        if factor is None:
+            return np.arange(size), np.copy
+        rows = np.unique(self._number[np.concatenate([into, others])])
+        first = int(factor.perm_c[rows[rows >= 0]].min(initial=size))
+        if size - first > min(_LITTLE_MORE * len(rows), _PART * size) or (self._number[into] < 0).any():
+            return np.arange(size), factor.solve
+        lower, upper = (np.asfortranarray(f[:, first:][first:].toarray()) for f in (factor.L, factor.U))
+        return factor.perm_c - first, lambda b: np.asarray(
+            dtrsm(1.0, upper, dtrsm(1.0, lower, b, lower=1, diag=1))
+        )
 
 
 def solve(measurement: Measurement) -> FloatArray:

@@ -60,12 +60,13 @@ def vertex_jacobian(
     share = (touched / touched.sum(axis=1, keepdims=True))[..., None]
     each = (slope.reshape(*lines.shape, slope.shape[-1]) for slope in outline.jacobian(lines.ravel()))
     by_l, by_u = ((np.nan_to_num(slope) * share).sum(axis=1) for slope in each)
+    l, u = _ends(sensor, outline, x)
     if lines.shape[1] > 1:  # of a strip that is covered in part, the mean height is all that is counted
         covered = touched.all(axis=1)
         by_l[covered], by_u[covered] = end_slopes(sensor, outline, x[covered])
-        for strip, slopes in resolved_slopes(sensor, outline, x) if resolved else ():
-            by_l[strip], by_u[strip] = slopes
-    of_ends = signature_jacobians(sensor, *_ends(sensor, outline, x))
+        for strip, ends, slopes in resolved_slopes(sensor, outline, x) if resolved else ():
+            (l[strip], u[strip]), (by_l[strip], by_u[strip]) = ends, slopes
+    of_ends = signature_jacobians(sensor, l, u)
     pairs = [(*of_ends[n], _read(sensor, n, x)) for n in names]
     return np.concatenate([(a[:, None] * by_l + b[:, None] * by_u)[there] for a, b, there in pairs])
 
@@ -117,7 +118,7 @@ def vertex_covariance(
         Centre lines of the strips that are read [mm]; all of the sensor's by default. Strips that the outline
         does not touch are left out.
     resolved
-        Whether wide strips with a corner on them or covered in part are resolved across their width; some .1 s.
+        Whether wide strips with a corner on them or covered in part are resolved across their width; some .1 to .3 s.
 
     Returns
     -------

@@ -8,7 +8,7 @@ fitted, what the width adds to the outline found is taken from them, and what is
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import shapely
@@ -20,6 +20,7 @@ from tacstrip.contact.shape import Contact
 from tacstrip.contact.signature import signatures
 from tacstrip.contact.strip_width import wide_ends
 from tacstrip.geometry.outline import Outline
+from tacstrip.network.strips.resistive_ends import ResistiveEnds
 from tacstrip.sensor.slant import PARTS, edge_read
 from tacstrip.sensor.spec import Sensor
 
@@ -62,7 +63,7 @@ def equivalent_ends(sensor: Sensor, outline: Outline, x: FloatArray) -> tuple[Fl
 
 
 class WithCorners:
-    """An outline on wide strips at x (n,) [mm], exact under ideal contact where a corner is on one.
+    """An outline on wide strips at x (n,) [mm], exact where a corner is on one.
 
     Attributes
     ----------
@@ -73,7 +74,15 @@ class WithCorners:
     def __init__(self, sensor: Sensor, outline: Outline, x: FloatArray) -> None:
         self._of = sensor, outline, x
         self.ends = np.stack(equivalent_ends(sensor, outline, x))
-        self._charged = []
+        self._charged: list[tuple[_Strip, Charges]] = []
+        self._resistive: dict[int, ResistiveEnds] = {}
+        if not shapely.is_valid(shapely.polygons(outline.vertices)):
+            return
+        if sensor.contact_lambda_mm > 0.0:
+            for i in np.flatnonzero(has_corner(sensor, outline.vertices, x).any(axis=1)).tolist():
+                if (found := _resistive(sensor, outline.vertices, x[i])) is not None:
+                    self._resistive[i], self.ends[:, i] = found, found.ends
+            return
         for strip in _with_corner(sensor, outline, x):
             charges = Charges.on(strip.edges, sensor.length_mm / sensor.strip_width)
             if charges is not None:
@@ -88,7 +97,16 @@ class WithCorners:
             if counts[strip.index]:
                 by_edges = charges.slopes()
                 found[:, strip.index] = [strip.by_vertices(own, len(outline.vertices)) for own in by_edges]
+        for i, resistive in self._resistive.items():
+            if counts[i]:
+                found[:, i] = resistive.slopes()
         return found
+
+
+def _resistive(sensor: Sensor, vertices: FloatArray, x: float) -> ResistiveEnds | None:
+    return ResistiveEnds.of(
+        vertices, float(x), sensor.strip_width, sensor.length_mm, sensor.contact_lambda_mm
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,8 +137,6 @@ class _Strip:
 def _with_corner(sensor: Sensor, outline: Outline, x: FloatArray) -> Iterator[_Strip]:
     """Make the strips at x (n,) with a corner on them, where boundary integrals serve."""
     vertices, width = outline.vertices, sensor.strip_width
-    if sensor.contact_lambda_mm > 0.0 or not shapely.is_valid(shapely.polygons(vertices)):
-        return
     index = np.flatnonzero(has_corner(sensor, vertices, x).any(axis=1))
     across = (vertices[:, 0] - x[index, None]) / width + 0.5
     for side in (0.0, 1.0):
@@ -160,17 +176,23 @@ def end_slopes(sensor: Sensor, outline: Outline, x: FloatArray) -> tuple[FloatAr
     return found[0], found[1]
 
 
-def resolved_slopes(sensor: Sensor, outline: Outline, x: FloatArray) -> Iterator[tuple[int, FloatArray]]:
-    """Yield strips at x (n,) [mm] that no closed form fits, and the ends' slopes by `vertices.ravel()` (2, 2 V).
+def resolved_slopes(
+    sensor: Sensor, outline: Outline, x: FloatArray
+) -> Iterator[tuple[int, FloatArray, FloatArray]]:
+    """Yield strips at x (n,) [mm] that no closed form fits, their ends (2,) and the ends' slopes (2, 2 V).
 
-    Those that a corner lies on, that are covered in part, or that edges near each other cross: by differences of
-    boundary integrals. Contact resistance counts as it does where edges are straight.
+    Those that a corner lies on, that are covered in part, or that edges near each other cross: by boundary integrals
+    and their differences, or with contact resistance by networks. Slopes are by `vertices.ravel()`.
     """
-    ideal = replace(sensor, contact_lambda_mm=0.0)
-    exact = wide_ends(ideal, [Contact.polygon(outline.vertices)]).exact[0]
+    exact = wide_ends(sensor, [Contact.polygon(outline.vertices)]).exact[0]
     vertices, half, step = outline.vertices, 0.5 * sensor.strip_width, _RESOLVED_STEP * sensor.strip_width
     near = np.stack([np.roll(vertices[:, 0], k) for k in (1, 0, -1)])
     for i in np.flatnonzero(~exact[np.abs(sensor.x_mm - x[:, None]).argmin(axis=1)]):
+        if sensor.contact_lambda_mm > 0.0:
+            if (found := _resistive(sensor, vertices, x[i])) is not None:
+                yield int(i), found.ends, found.slopes()
+            continue
+        ends = resolved_ends([shapely.Polygon(vertices)], x[i], 2.0 * half, sensor.length_mm)
         over = (near.min(axis=0) < x[i] + half) & (near.max(axis=0) > x[i] - half)
         slopes = np.zeros((2, vertices.size))
         for at in np.flatnonzero(np.repeat(over, 2)):
@@ -179,11 +201,12 @@ def resolved_slopes(sensor: Sensor, outline: Outline, x: FloatArray) -> Iterator
                 resolved_ends([shapely.Polygon(vertices + sign * move)], x[i], 2.0 * half, sensor.length_mm)
                 for sign in (1.0, -1.0)
             )
-            if ahead is None or behind is None:
+            if ends is None or ahead is None or behind is None:
                 break
             slopes[:, at] = np.subtract(ahead, behind) / (2.0 * step)
         else:
-            yield int(i), slopes
+            if ends is not None:
+                yield int(i), np.array(ends), slopes
 
 
 def remove_width_effect(

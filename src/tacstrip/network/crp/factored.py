@@ -16,6 +16,7 @@ from functools import cached_property
 import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
+from tacstrip.network.crp.dissection import elimination_order
 from tacstrip.network.crp.mesh import SheetMesh, contact_network
 from tacstrip.network.nodal import Factored
 
@@ -39,10 +40,11 @@ class FactoredScan:
         self.by_voltage = mesh.wiring.others == "grounded"
         one = resistors.bottom if mesh.wiring.others == "tied grounds" else resistors.electrode
         held = np.concatenate([resistors.top, resistors.bottom]) if self.by_voltage else one[:1]
-        self.factored = Factored(resistors.network, held)
-        # Potentials are kept where readings and their slopes need them; all of them would not stay in the cache.
-        ends = np.concatenate([resistors.electrode, resistors.bottom, resistors.top])
-        self._kept = np.unique(np.concatenate([ends, self._beside_ends(lengths)]))
+        self._ports = np.unique(np.concatenate([resistors.electrode, resistors.bottom, resistors.top]))
+        order = elimination_order(resistors.line, len(mesh.pitch.widths), self._ports)
+        self.factored = Factored(resistors.network, held, order)
+        # Potentials are kept where slopes of readings need them; all of them would not stay in the cache.
+        self._kept = np.unique(self._beside_ends(lengths))
 
     def _beside_ends(self, lengths: FloatArray) -> IntArray:
         """Return the nodes in the rows beside the outer ends of the contact, and one row further."""
@@ -58,14 +60,18 @@ class FactoredScan:
         """Return where nodes stand among those whose potentials are kept."""
         return np.searchsorted(self._kept, node)
 
+    def _energised(self, at: IntArray) -> FloatArray:
+        """Return potentials (at, T) while each touched strip carries 1, or, others grounded, is put on Vref."""
+        return self.factored.fed(self.resistors.top, self.resistors.bottom, at)
+
     @cached_property
-    def phi(self) -> FloatArray:
-        """Potentials (kept, T) while each touched strip carries 1, or, others grounded, is put on Vref."""
-        return self.factored.fed(self.resistors.top, self.resistors.bottom, self._kept)
+    def _at_ports(self) -> FloatArray:
+        return self._energised(self._ports)
 
     def readings(self) -> FloatArray:
         """Return what all electrodes read while each touched strip is energised (T, 2 strips) [Vref]."""
-        read, (ground, drop) = self.phi[self._place(self.resistors.electrode)], self._ends()
+        read = self._at_ports[np.searchsorted(self._ports, self.resistors.electrode)]
+        ground, drop = self._ends()
         return np.asarray((read.T - ground[:, None]) / drop[:, None])
 
     def all_readings(self) -> FloatArray:
@@ -77,8 +83,9 @@ class FactoredScan:
     def _ends(self) -> tuple[FloatArray, FloatArray]:
         """Return the potential of each energised strip's grounded end, and of its other end over that (T,)."""
         touched = np.arange(len(self.resistors.strip))
-        ground = self.phi[self._place(self.resistors.bottom), touched]
-        return ground, self.phi[self._place(self.resistors.top), touched] - ground
+        bottom, top = (np.searchsorted(self._ports, n) for n in (self.resistors.bottom, self.resistors.top))
+        ground = self._at_ports[bottom, touched]
+        return ground, self._at_ports[top, touched] - ground
 
     def jacobian(self, ends: FloatArray, electrodes: IntArray) -> FloatArray:
         """Return d readings / d (l, u).
@@ -100,7 +107,8 @@ class FactoredScan:
         strip, sheet = self._place(above), self._place(below)
         used, column = np.unique(electrodes, return_inverse=True)
         column = column.reshape(electrodes.shape)
-        d_phi = self.phi[strip] - self.phi[sheet]  # (2 T, K, T)
+        phi = self._energised(self._kept)
+        d_phi = phi[strip] - phi[sheet]  # (2 T, K, T)
         psi = self.factored.fed(self.resistors.electrode[used], at=self._kept)
         d_read = psi[strip] - psi[sheet]  # (2 T, K, used)
         readings = np.take_along_axis(self.readings(), electrodes, axis=1)

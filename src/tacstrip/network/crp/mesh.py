@@ -214,6 +214,9 @@ class ContactNetwork:
         strip has no node.
     centre_node
         The sheet's nodes on the strips' centre lines (strips, rows + 1).
+    line
+        All nodes as lines along the strips, across: of each pitch the sheet's columns and its strip, then the last
+        column (strips (columns a pitch + 1) + 1, rows + 1); -1 where there is none.
     """
 
     network: Network
@@ -224,6 +227,7 @@ class ContactNetwork:
     strip_node: IntArray = field(repr=False)
     sheet_node: IntArray = field(repr=False)
     centre_node: IntArray = field(repr=False)
+    line: IntArray = field(repr=False)
 
 
 def contact_network(mesh: SheetMesh, strip: IntArray, lengths: FloatArray) -> ContactNetwork:
@@ -273,4 +277,7 @@ def contact_network(mesh: SheetMesh, strip: IntArray, lengths: FloatArray) -> Co
     centre = label[sheet[column[:, pitch.middle]]]
     electrode, strip_node = np.concatenate([centre[:, 0], centre[:, -1]]), np.where(has, label[node], -1)
     ends = label[node[:, 0]], node[:, -1]
-    return ContactNetwork(network, strip, *ends, electrode, strip_node, label[under], centre)
+    line = np.full((mesh.strips, per + 1, last + 1), -1)
+    line[:, :per], line[strip, per] = label[sheet[column[:, :-1]]], strip_node
+    lines = np.concatenate([line.reshape(-1, last + 1), label[sheet[-1:]]])
+    return ContactNetwork(network, strip, *ends, electrode, strip_node, label[under], centre, lines)

@@ -25,7 +25,7 @@ from tacstrip.errors import ContactError
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.noise_covariance import signature_jacobians
 from tacstrip.reconstruction.polygon.run import MOST_SIGMA, ModelInMm, RunFit
-from tacstrip.reconstruction.strip_width import WithCorners, has_corner, remove_width_effect
+from tacstrip.reconstruction.strip_width import WithCorners, remove_width_effect
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
 
@@ -35,10 +35,6 @@ _STEPS, _SETTLED, _CURVED = 16, 0.03, 1.0
 _LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e5
 _HARDER, _EASIER = 8.0, 0.1
 _EXPLAINED = 4.0  # deviations that a reading of an outer strip may be off
-# Root mean square over b / L, of the closed form on strips with a corner, lambda b / 10 to b / 2 (.07 to .1).
-_CORNER_ERROR = 0.08
-# Over b / L: what the closed form is off at most, but for one in a hundred, on strips covered in part.
-_PARTLY = 0.5
 _DRAWS = 24  # outlines that the covariance allows
 _CORNERS = 12  # of more vertices a descent would take seconds
 _TURN = 1e-9  # of the sensor's area: a corner that turns inwards by less is straight
@@ -182,9 +178,9 @@ def contradicted_by_outer_strip(
     made = np.stack([*signatures(sensor, ends.l[:, out], ends.u[:, out]).values()])  # (S, contacts, out)
     read = np.stack([scan[name][out] for name in scan.signatures])
     spread = np.nanstd(made, axis=1) if np.isfinite(made).any() else np.zeros_like(read)
-    known = np.hypot(sigma, _PARTLY * sensor.strip_width / sensor.length_mm)
-    off = np.nan_to_num(np.abs(read - made[:, 0]))
-    if (off <= _EXPLAINED * np.hypot(known, np.nan_to_num(spread))).all():
+    resolved = signatures(sensor, *WithCorners(sensor, outline, sensor.x_mm[out]).ends)
+    off = np.nan_to_num(np.abs(read - np.stack([*resolved.values()])))
+    if (off <= _EXPLAINED * np.hypot(sigma, np.nan_to_num(spread))).all():
         return ""
     strip = out[int(off.max(axis=0).argmax())] + sensor.strip_base
     return (
@@ -228,10 +224,6 @@ def _of_wide_strips(
     known = np.stack([*measured.values()])
     weight = np.zeros(known.shape)
     weight[:, fitted] = np.where(np.isfinite(known[:, fitted]), problem.root_weight, 0.0)
-    if sensor.contact_lambda_mm > 0.0:
-        cornered = has_corner(sensor, outline.vertices, x_mm).any(axis=1)
-        closed = _CORNER_ERROR * sensor.strip_width / sensor.length_mm
-        weight[:, cornered] /= np.hypot(1.0, weight[:, cornered] * closed)
     expected = problem.origin_mm, problem.origin_mm + problem.width_mm
     task = _Task(sensor, x_mm, tuple(measured), np.nan_to_num(known), weight, expected)
     try:
@@ -261,10 +253,10 @@ def _with_outer_strips(
 ) -> tuple[Outline, FloatArray, IntArray]:
     """Do as `_descended`, with the readings of the outer strips too where an outline explains them.
 
-    Covered in part, they tell where the contact ends; with contact resistance nothing says what they read.
+    Covered in part, they tell where the contact ends.
     """
     outer = ~task.used
-    if task.sensor.contact_lambda_mm == 0.0 and outer.any():
+    if outer.any():
         weight = np.where(there & outer, rate, task.root_weight)
         wider = replace(task, root_weight=weight)
         for start in (outline, *_leaning(outline, 0.5 * task.sensor.strip_width)):
