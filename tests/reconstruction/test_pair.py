@@ -27,6 +27,13 @@ def test_no_chain_is_fitted_to_no_strips(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 @pytest.mark.parametrize(
+    "less", [pair.Seen(0.02, 6, [0.3, 0.3]), pair.Seen(0.1, 4, [0.3, 0.3]), pair.Seen(0.1, 6, [0.3])]
+)
+def test_a_narrow_gap_few_corners_and_a_lone_jump_speak_for_one_object(less: pair.Seen) -> None:
+    assert less.log_odds < pair.Seen(0.1, 6, [0.3, 0.3]).log_odds
+
+
+@pytest.mark.parametrize(
     ("low", "high", "least", "most"),
     [
         ([69.0, 17.2, 20.0, 28.0], [73.7, 80.0, 82.0, 83.0], 0.5, 1.0),

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from shapely import Polygon, affinity
+from shapely import Point, Polygon, affinity
 
 import tacstrip as ts
 from polygons import DRAWN
@@ -79,6 +79,14 @@ def test_an_upright_ell_that_is_known_to_be_one_object_is_ok() -> None:
     found = _fitted(truth, one_object=True)
     assert found.status == "ok", found.advice
     assert not any(other.others for other in found.alternatives)
+    assert ts.mismatch(np.asarray(truth.exterior.coords)[:-1], found.vertices).iou >= 0.9
+
+
+def test_a_curved_notch_that_no_polygon_follows_to_the_noise_is_one_object() -> None:
+    fine = ts.Sensor(construction="crs-crs", strips=100, pitch_mm=1.0, length_mm=100.0)
+    truth = Point(50, 40).buffer(35, 64).difference(Point(50, 66).buffer(28, 64))
+    found = _fitted(Polygon(truth.exterior), told=False, sensor=fine, noise=ts.Noise(positional=0.001))
+    assert found.status == "ok", found.advice
     assert ts.mismatch(np.asarray(truth.exterior.coords)[:-1], found.vertices).iou >= 0.9
 
 

@@ -47,7 +47,7 @@ _APART = 3.0  # standard deviations of their distance in x by which two corners 
 _NEAR_CORNER = 2  # strips from an inward corner to where an object may begin or end
 # Inward corners far from each other: where two objects begin and end they have two, and what noise adds.
 _EVENTS = 4
-# Of an outline, behind an overhang: more, and the shape is not known; and where two objects explain the readings too,
+# Of an outline, behind an overhang: more, and the shape is not known; and where two objects apart might read so,
 # or no polygon does.
 _HIDDEN, _HIDDEN_OPEN = 0.55, 0.35
 IF_ONE = "if you know that it is one object, say so (`reconstruct --one-object`)"
@@ -237,7 +237,7 @@ def second_look(
     area = moments(outline.vertices)[0]
     hidden = max((_behind(cut, pieces.read.x) / area for cut in jumps), default=0.0)
     likely_two = not one_object and pair is not None and pair.probability >= 0.5
-    if hidden > (_HIDDEN_OPEN if wrong or apart or pair is not None else _HIDDEN) and not likely_two:
+    if hidden > (_HIDDEN_OPEN if wrong or apart else _HIDDEN) and not likely_two:
         or_several = "" if one_object else ", or several objects on the same strips"
         return (
             f"the contact is concave{or_several}: {at}, and behind such an overhang "
@@ -247,10 +247,10 @@ def second_look(
 
 
 def _follows(outline: Outline, pieces: RunPieces) -> bool:
-    """Whether an outline hardly differs from convex stretches, curved ones too, that explain the readings."""
+    """Whether an outline hardly differs from several convex stretches, curved ones too, that explain the readings."""
     read = pieces.read
     own = np.stack([np.interp(read.x, *chain.T) for chain in (outline.lower, outline.upper)])
-    return pieces.explains and nearly(own, np.stack([read.l, read.u]))
+    return pieces.count > 1 and pieces.explains and nearly(own, np.stack([read.l, read.u]))
 
 
 def _read_ends(
