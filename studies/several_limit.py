@@ -5,10 +5,11 @@ Run: python -m studies.several_limit [--cases 200] [--seed 1]
 Concave shapes of the hold-out on 12 strips or more, both signatures, noise of .2 to 2 %, told or not. Of those that are
 doubted the likeliest pair of convex objects is looked for, with every strip (of more than 36: those near inward
 corners) as a place where one may begin or end, and moved by least squares. Where its own readings are as near to what
-was read as the true shape's, nothing in the readings can tell. Nor can it where the outline is `ok` and wrong: each
-strip reads from the lowest place of contact to the highest, and the shape filled so reads alike to the last bit; if it
-overlaps the true one by less than `ok` promises, gaps that open across the strips hide too much ("filled alike"). Else
-a convex outline may explain the readings ("convex explains").
+was read as the true shape's, "two explain"; "and apart" counts those that are .02 of L apart, as all pairs of the
+hold-out are. "As one" are doubted though told to be one object. Nothing in the readings can tell where the outline is
+`ok` and wrong: each strip reads from the lowest place of contact to the highest, and the shape filled so reads alike to
+the last bit; if it overlaps the true one by less than `ok` promises, gaps that open across the strips hide too much
+("filled alike"). Else a convex outline may explain the readings ("convex explains").
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from __future__ import annotations
 import argparse
 from collections import Counter
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 import shapely
@@ -30,6 +32,7 @@ from studies.holdout.score import LEAST_P, RIGHT, SEVERAL, best_object, overlap,
 from studies.holdout.shapes import CONCAVE, Array
 from tacstrip.reconstruction.contact_ends import closed_ends, end_deviations
 from tacstrip.reconstruction.pieces.pair import Ends, likeliest_pair
+from tacstrip.reconstruction.pieces.run import GAP
 
 _STRIPS, _NOISE = (12, 101), (0.002, 0.02)
 _ALL, _NEAR = 36, 3  # strips: of more, places within so many of an inward corner
@@ -56,7 +59,7 @@ def explaining(case: Case) -> list[Array] | None:
         for at in corners
     ]
     run = Ends(unit.x[on][known], ends[:, known], deviations[:, known], unit.pitch)
-    pair = likeliest_pair(run, places, corners, apart=True)
+    pair = likeliest_pair(run, places, corners)
     if pair is None:
         return None
     whole = float((((unit.read(low, high) - read) / sigma) ** 2).sum())
@@ -119,9 +122,10 @@ def table(count: int, seed: int) -> list[str]:
         kind = CONCAVE[number % len(CONCAVE)]
         strips, half_width = int(cases.log_uniform(random, *_STRIPS)), cases.log_uniform(random, *_NOISE)
         case = cases.single(random, kind, strips, ("kh", "kl"), half_width)
-        result = ts.fit_polygon(
-            case.unit.scan(case.read), case.unit.sensor, told_noise(case), assessment="fast"
+        fit = partial(
+            ts.fit_polygon, case.unit.scan(case.read), case.unit.sensor, told_noise(case), assessment="fast"
         )
+        result = fit()
         counter = found.setdefault(kind, Counter())
         counter["cases"] += 1
         right = best_object(case.unit, result, case.outlines[0])[0] >= RIGHT
@@ -132,11 +136,13 @@ def table(count: int, seed: int) -> list[str]:
         if result.status == "ok" or SEVERAL.search(result.advice) is None:
             continue
         counter["doubted"] += 1
-        if explaining(case) is not None:
+        counter["as one"] += fit(one_object=True).status != "ok"
+        if (two := explaining(case)) is not None:
             counter["two explain"] += 1
+            counter["and apart"] += shapely.distance(*map(shapely.Polygon, two)) >= GAP * case.unit.length
         else:
             counter["outline right" if right else "outline wrong"] += 1
-    doubted = ("doubted", "two explain", "outline wrong", "outline right")
+    doubted = ("doubted", "as one", "two explain", "and apart", "outline wrong", "outline right")
     names = ("cases", *doubted, "called ok", "filled alike", "convex explains", "other wrong")
     rows = [*sorted(found.items()), ("all", sum(found.values(), Counter()))]
     return [

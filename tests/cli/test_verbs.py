@@ -293,6 +293,11 @@ BAD = {
         _write("r.csv", HEAD + "".join(f"0,0,{i},1,1\n" for i in range(3))),
         "--vertices is for --method polygon; leave it out for profile",
     ),
+    "one object of a profile": (
+        (*_REC, "--method", "profile", "--one-object"),
+        _write("r.csv", HEAD + "".join(f"0,0,{i},1,1\n" for i in range(3))),
+        "--one-object is for --method polygon; leave it out for profile",
+    ),
     "two vertices": (
         (*_REC, "--vertices", "2"),
         _write("r.csv", HEAD + "".join(f"0,0,{i},1,1\n" for i in range(3))),

@@ -22,8 +22,15 @@ def test_no_chain_is_fitted_to_no_strips(monkeypatch: pytest.MonkeyPatch) -> Non
     x = np.arange(12.0)
     low = np.where(x < 6, 20.0, 30.0)
     ends = pair.Ends(x, np.stack([low, np.full(12, 60.0)]), np.full((2, 12), 0.1), 1.0)
-    assert pair.likeliest_pair(ends, ([6], [6]), ([6], []), apart=True) is not None
+    assert pair.likeliest_pair(ends, ([6], [6]), ([6], []), pair.Seen(0.1, 6, [0.3])) is not None
     assert min(sizes) > 0
+
+
+@pytest.mark.parametrize(
+    "less", [pair.Seen(0.02, 6, [0.3, 0.3]), pair.Seen(0.1, 4, [0.3, 0.3]), pair.Seen(0.1, 6, [0.3])]
+)
+def test_a_narrow_gap_few_corners_and_a_lone_jump_speak_for_one_object(less: pair.Seen) -> None:
+    assert less.log_odds < pair.Seen(0.1, 6, [0.3, 0.3]).log_odds
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from shapely import Polygon, affinity
+from shapely import Point, Polygon, affinity
 
 import tacstrip as ts
 from polygons import DRAWN
@@ -27,10 +27,14 @@ def _placed(shape: Polygon, degrees: float) -> Polygon:
 
 
 def _fitted(
-    *shapes: Polygon, told: bool = True, sensor: ts.Sensor = SENSOR, noise: ts.Noise = NOISE
+    *shapes: Polygon,
+    told: bool = True,
+    sensor: ts.Sensor = SENSOR,
+    noise: ts.Noise = NOISE,
+    one_object: bool = False,
 ) -> ts.RecoveredObject:
     scan = ts.simulate(sensor, ts.Contact(shapes), noise, rng=1)
-    result = ts.fit_polygon(scan, sensor, noise if told else None, assessment="fast")
+    result = ts.fit_polygon(scan, sensor, noise if told else None, assessment="fast", one_object=one_object)
     assert len(result.objects) == 1
     return result.objects[0]
 
@@ -70,8 +74,26 @@ def test_an_upright_ell_reads_as_two_rectangles_and_is_doubted_with_the_height_o
     assert step == pytest.approx(25.0, abs=0.5)
 
 
-def test_what_an_overhang_may_hide_is_said() -> None:
-    found = _fitted(_placed(DART, 85.0))  # opens to the side: strips read the hull of both arms
+def test_an_upright_ell_that_is_known_to_be_one_object_is_ok() -> None:
+    truth = _placed(ELL, 0.0)
+    found = _fitted(truth, one_object=True)
+    assert found.status == "ok", found.advice
+    assert not any(other.others for other in found.alternatives)
+    assert ts.mismatch(np.asarray(truth.exterior.coords)[:-1], found.vertices).iou >= 0.9
+
+
+def test_a_curved_notch_that_no_polygon_follows_to_the_noise_is_one_object() -> None:
+    fine = ts.Sensor(construction="crs-crs", strips=100, pitch_mm=1.0, length_mm=100.0)
+    truth = Point(50, 40).buffer(35, 64).difference(Point(50, 66).buffer(28, 64))
+    found = _fitted(Polygon(truth.exterior), told=False, sensor=fine, noise=ts.Noise(positional=0.001))
+    assert found.status == "ok", found.advice
+    assert ts.mismatch(np.asarray(truth.exterior.coords)[:-1], found.vertices).iou >= 0.9
+
+
+@pytest.mark.parametrize("one_object", [False, True])
+def test_what_an_overhang_may_hide_is_said(one_object: bool) -> None:
+    # Opens to the side: strips read the hull of both arms.
+    found = _fitted(_placed(DART, 85.0), one_object=one_object)
     truth = np.asarray(_placed(DART, 85.0).exterior.coords)[:-1]
     assert ts.mismatch(truth, found.vertices).iou < 0.8
     assert found.status == "doubtful"

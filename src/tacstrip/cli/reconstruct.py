@@ -41,6 +41,7 @@ _OF_METHODS = {  # option: the methods that have it
     "vertices": ("polygon",),
     "assessment": ("polygon",),
     "area_mm2": ("polygon",),
+    "one_object": ("polygon",),
     "transitions": ("vertex",),
     "reading": ("vertex",),
     "convex": ("profile",),
@@ -67,6 +68,9 @@ _OF_METHODS = {  # option: the methods that have it
                 help="For polygon, of how sure a shape is: thorough, fast or none.")  # fmt: skip
 @options.option("--area", "area_mm2", metavar="MM2[,SIGMA]",
                 help="For polygon: area of each contact if known, to 20 % or SIGMA [mm2].")  # fmt: skip
+@options.flag(
+    "--one-object", help="For polygon: no two objects touch the same strips, whatever may read alike."
+)
 @options.file("--object", "known_object",
               help="A known rigid object's outline (.wkt, .geojson): its pose is fitted.")  # fmt: skip
 @options.option("--transitions", default="auto", metavar="RULE|X,X,..",

@@ -29,9 +29,11 @@ _SLACK = 3.0
 # that one of two begins, or ends, within a strip of the other has a probability of so much over the strips; a contact
 # of one object is pointed there, by so many pitches a strip, as often as it has any other width.
 _OVERHANG, _WITHIN_A_STRIP, _POINTED = 0.2, 2.0, 2.0
-# From log odds by that prior to those of drawn pairs and concave shapes, as many of each: a constant, a factor, and
-# what it tells that pieces are apart wherever they are seen, which jumps one by one do not.
-_CONSTANT, _FACTOR, _APART = -1.0, 0.7, 2.2
+# From log odds by that prior to those of drawn pairs and concave shapes, as many of each: a constant, a factor, what
+# the logarithm of a gap (and so much) tells, each corner of the concave outline, each jump, and the highest one's
+# logarithm.
+_CONSTANT, _FACTOR, _BY_GAP, _TOUCHING = -2.27, 1.55, 1.1, 0.005
+_BY_CORNER, _BY_COUNT, _BY_RISE, _FLAT = 0.39, 2.73, -1.66, 0.02
 # Log odds of a pair to one convex object, of which some four times as many are met, fitted to drawn ones: a constant,
 # powers of an end's jump over the contact's breadth and of the width (at least so much) at the other side over its
 # height, and what parallel sides tell, within so many deviations of chi square.
@@ -59,12 +61,15 @@ class Pair:
         Of two objects, if it is these or one concave object, and both are met as often.
     one_convex
         Whether it is one convex object else.
+    advice
+        What shows that they touch nowhere, in words; "" where nothing does.
     """
 
     lower: FloatArray
     upper: FloatArray
     probability: float
     one_convex: bool = False
+    advice: str = ""
 
     def overlap(self, outline: FloatArray) -> float:
         """Return the IoU of an outline (N, 2) [mm] with both together."""
@@ -85,8 +90,37 @@ class Ends:
     pitch: float
 
 
+@dataclass(frozen=True)
+class Seen:
+    """How a concave outline, and convex pieces that explain the same readings, look as wholes.
+
+    Attributes
+    ----------
+    gap
+        Least distance over the strips' length between what is seen of pieces; 0: they touch.
+    n_vertices
+        Of the outline.
+    rises
+        By how much an end jumps where a piece begins or ends, over the contact's height.
+    """
+
+    gap: float
+    n_vertices: int
+    rises: Sequence[float]
+
+    @property
+    def log_odds(self) -> float:
+        """What they tell of two objects against a concave one, which jumps one by one do not."""
+        highest = math.log(max(self.rises, default=0.0) + _FLAT)
+        of_jumps = _BY_COUNT * len(self.rises) + _BY_RISE * highest
+        return _CONSTANT + _BY_GAP * math.log(self.gap + _TOUCHING) + _BY_CORNER * self.n_vertices + of_jumps
+
+
 def likeliest_pair(
-    ends: Ends, places: Sequence[Sequence[int]], corners: Sequence[Sequence[int]] | None, apart: bool = False
+    ends: Ends,
+    places: Sequence[Sequence[int]],
+    corners: Sequence[Sequence[int]] | None,
+    seen: Seen | None = None,
 ) -> Pair | None:
     """Return the pair that is likeliest beside one object; None where none is possible, or likely at all.
 
@@ -99,8 +133,8 @@ def likeliest_pair(
     corners
         Strips right of the inward corners of l, and of u: between them the concave object's chains are convex. None:
         the one object is convex.
-    apart
-        Whether convex pieces that explain the readings touch nowhere.
+    seen
+        What the concave outline and its pieces tell.
     """
     n, best, found = len(ends.x), math.log(_LEAST / (1.0 - _LEAST)), None
     limit = math.inf if corners is None else math.log(4.0 / _OVERHANG)
@@ -153,7 +187,7 @@ def likeliest_pair(
             best, found = odds, shown
     if found is None:
         return None
-    odds = best if corners is None else _CONSTANT + _FACTOR * best + _APART * apart
+    odds = best if seen is None else _FACTOR * best + seen.log_odds
     return Pair(*found, 1.0 / (1.0 + math.exp(-odds)), corners is None)
 
 

@@ -94,13 +94,18 @@ class RunPieces:
         )
 
     @cached_property
-    def apart(self) -> bool:
-        """Whether convex objects that touch nowhere may read so.
+    def distance_mm(self) -> float:
+        """Least distance [mm] between what the strips show of two pieces; 0 of one.
 
         The pieces of an inward corner touch there, and those of an overhang where both come from.
         """
         # The first is the widest.
-        return self.count > 1 and self.cover.gap_mm(self.pitch) >= self.gap
+        return self.cover.gap_mm(self.pitch) if self.count > 1 else 0.0
+
+    @property
+    def apart(self) -> bool:
+        """Whether convex objects that touch nowhere may read so."""
+        return self.distance_mm >= self.gap
 
 
 def _median(values: FloatArray) -> float:

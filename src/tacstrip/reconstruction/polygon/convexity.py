@@ -24,7 +24,7 @@ from tacstrip.sensor.spec import Sensor
 _POINTS = 60  # at most, that the regression sees: a mean of a convex function's neighbours is convex too
 _ROUNDS = 3  # of l with u as it is, and u with l
 _HELD = 1e4  # times the largest weight: of an end where l and u meet
-_NEARLY = 0.9  # IoU with convex ends that explain the readings
+_NEARLY = 0.9  # IoU with ends that explain the readings
 NEAR_ENOUGH = 0.006  # of Vref: the deviation of 1 % noise, as rubber has it
 _ALARM = 3.09  # deviations of chi square: p = .001
 
@@ -201,7 +201,12 @@ def scatter(sensor: Sensor, readings: Mapping[str, FloatArray]) -> float:
 def like(outline: Outline, convex: ConvexFit, run: RunFit, sensor: Sensor) -> bool:
     """Whether an outline hardly differs from convex ends on the strips."""
     own = _on_strips(outline, run, sensor, convex.x)
-    return float(column_iou(own, np.sort(convex.ends, axis=0))) >= _NEARLY
+    return nearly(own, convex.ends)
+
+
+def nearly(own: FloatArray, ends: FloatArray) -> bool:
+    """Whether an outline's l and u (2, n) hardly differ from ends that explain the readings."""
+    return float(column_iou(own, np.sort(ends, axis=0))) >= _NEARLY
 
 
 def _on_strips(outline: Outline, run: RunFit, sensor: Sensor, x: FloatArray) -> FloatArray:

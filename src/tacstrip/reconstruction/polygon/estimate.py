@@ -61,6 +61,7 @@ def fit_polygon(
     vertices: int | None = None,
     assessment: Effort = "thorough",
     area_mm2: float | tuple[float, float] | None = None,
+    one_object: bool = False,
 ) -> Reconstruction:
     """Recover a polygon from each contact by least squares over all strips and all signatures of the scan.
 
@@ -89,6 +90,9 @@ def fit_polygon(
     area_mm2
         Area of each contact, where that is known: to within 20 %, or with its standard deviation. It tells much of what
         one signature leaves open.
+    one_object
+        Whether it is known that no two objects touch the same strips. They read as a concave one does: a concave
+        outline that both signatures tell is `doubtful` for that alone where nobody says so.
 
     Returns
     -------
@@ -112,7 +116,9 @@ def fit_polygon(
     >>> thing.status, thing.vertices.round(0).tolist()
     ('ok', [[20.0, 40.0], [55.0, 20.0], [80.0, 50.0], [45.0, 75.0]])
     """
-    return _fit_polygon(scan, sensor, noise, max_vertices, bounded, vertices, assessment, area_mm2)
+    return _fit_polygon(
+        scan, sensor, noise, max_vertices, bounded, vertices, assessment, area_mm2, one_object
+    )
 
 
 def _fit_polygon(
@@ -124,6 +130,7 @@ def _fit_polygon(
     vertices: int | None = None,
     assessment: Effort = "thorough",
     area_mm2: float | tuple[float, float] | None = None,
+    one_object: bool = False,
     ready: _Fitted | None = None,
 ) -> Reconstruction:
     """Do as `fit_polygon`; `ready`: what is fitted of the scan already."""
@@ -138,7 +145,8 @@ def _fit_polygon(
             refuse_surface(sensor, "area_mm2", "leave it out")
         return on_surface(
             scan, sensor, lambda scan, even: fit_polygon(
-                scan, even, noise, max_vertices=max_vertices, bounded=bounded, vertices=vertices, assessment=assessment
+                scan, even, noise, max_vertices=max_vertices, bounded=bounded, vertices=vertices,
+                assessment=assessment, one_object=one_object,
             ),
         )  # fmt: skip
     if vertices is not None and not 3 <= vertices <= MAX_VERTICES + 2:
@@ -163,6 +171,7 @@ def _fit_polygon(
                 sensor.strips,
                 assessment,
                 area,
+                one_object,
             )
             for c in contacts
         ),

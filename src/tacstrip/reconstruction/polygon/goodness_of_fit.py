@@ -19,7 +19,7 @@ from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.contact_ends import closed_ends, end_deviations
 from tacstrip.reconstruction.noise_covariance import CorrelatedErrors
 from tacstrip.reconstruction.pieces.chain import Cut
-from tacstrip.reconstruction.pieces.pair import Ends, Pair, likeliest_pair
+from tacstrip.reconstruction.pieces.pair import Ends, Pair, Seen, likeliest_pair
 from tacstrip.reconstruction.pieces.run import RunPieces, split_run
 from tacstrip.reconstruction.polygon.chi_square import squares_score
 from tacstrip.reconstruction.polygon.convexity import (
@@ -29,6 +29,7 @@ from tacstrip.reconstruction.polygon.convexity import (
     fit_convex,
     inward_corners,
     like,
+    nearly,
     scatter,
 )
 from tacstrip.reconstruction.polygon.faulty_channel import contradictory, one_end_off
@@ -46,7 +47,10 @@ _APART = 3.0  # standard deviations of their distance in x by which two corners 
 _NEAR_CORNER = 2  # strips from an inward corner to where an object may begin or end
 # Inward corners far from each other: where two objects begin and end they have two, and what noise adds.
 _EVENTS = 4
-_HIDDEN = 0.55  # of an outline, behind an overhang: more, and the shape is not known
+# Of an outline, behind an overhang: more, and the shape is not known; and where two objects apart might read so,
+# or no polygon does.
+_HIDDEN, _HIDDEN_OPEN = 0.55, 0.35
+IF_ONE = "if you know that it is one object, say so (`reconstruct --one-object`)"
 _NOISIER = 3.0  # times the noise given: neighbours that differ by so much are noise, not jumps
 # Of an outermost strip, where just one end jumps: pitches, deviations, and strips at least that tell a jump.
 _SPIKE, _SURE, _LEAST_STRIPS = 2.0, 6.0, 4
@@ -83,7 +87,11 @@ def explains(run: RunFit, distribution: str, outline: Outline) -> bool:
 
 
 def misfit(
-    run: RunFit, distribution: str | None, covariance: FloatArray, errors: CorrelatedErrors | None = None
+    run: RunFit,
+    distribution: str | None,
+    covariance: FloatArray,
+    errors: CorrelatedErrors | None = None,
+    one_object: bool = False,
 ) -> str:
     """Return advice where the outline does not explain the readings, else nothing.
 
@@ -97,7 +105,10 @@ def misfit(
         Of the outline's vertices (2 V, 2 V) [mm^2]; of independent errors.
     errors
         Of the readings, where they are not independent.
+    one_object
+        Whether it is known that there are no two.
     """
+    or_two = "" if one_object else " or two objects on the same strips"
     (squares, pairs), freedom = run.residual_sums, run.freedom
     if errors is not None:
         residuals, freedom = errors.whitened(covariance)
@@ -106,12 +117,12 @@ def misfit(
         times = math.sqrt(squares / freedom)
         return (
             f"the readings are {times:.3g} times as far from the best outline as the noise explains: the contact "
-            f"may {_more(run)}be concave or two objects on the same strips, or the noise larger than given"
+            f"may {_more(run)}be concave{or_two}, or the noise larger than given"
         )
     if _autocorrelation_score(squares, pairs, run.problem.readings) > _ALARM:
         return (
             "what the best outline leaves over hangs together from strip to strip: the contact may be concave, "
-            "curved, or two objects on the same strips"
+            f"curved,{or_two or ' or have more corners'}"
         )
     if distribution is None and run.sigma == MOST_SIGMA:  # see `estimate`
         return (
@@ -121,8 +132,7 @@ def misfit(
     if distribution is None and run.sigma > MOST_SIGMA:
         return (
             f"the readings are off by {100.0 * run.sigma:.2g} % of Vref from the best outline, more than noise of "
-            f"a sensor that works: the contact may {_more(run)}be concave or two objects on the same strips; or give "
-            "the noise"
+            f"a sensor that works: the contact may {_more(run)}be concave{or_two}; or give the noise"
         )
     return ""
 
@@ -168,12 +178,13 @@ def second_look(
     wrong: str,
     readings: Mapping[str, FloatArray],
     convex: OneConvex | None,
+    one_object: bool = False,
 ) -> tuple[str, Pair | None]:
     """Return advice, or none, on an outline of two signatures, of which `wrong` was said, and two objects it may be.
 
     Two signatures tell l and u of every strip. Where convex ones explain them that the outline hardly differs from, it
     is curved, and no polygon need explain it (`convex`: what `one_convex` says of it). Where none do, it is concave, or
-    there are several objects.
+    there are several objects, unless it is known to be one (`one_object`).
     """
     selection = run.selection
     if len(run.problem.k) == 1 or selection is None:
@@ -205,27 +216,41 @@ def second_look(
         if wrong and not like(outline, nearest, run, sensor):
             return wrong, None
         return "", _pair_at_the_ends(run, sensor, readings, sigma)
-    if wrong:
+    if wrong and (apart or not _follows(outline, pieces)):
         more = f"; at least {pieces.count} convex pieces explain the readings"
-        return wrong if pieces.count == 1 else wrong + more, None
-    pair = _pair_of(run, sensor, pieces, inward_corners(fit))
+        return wrong if one_object or pieces.count == 1 else wrong + more, None
     jumps = [cut for _, cut in pieces.cuts if cut.kind != "corner"]
+    rises = [cut.rise / float(np.ptp([pieces.read.l.min(), pieces.read.u.max()])) for cut in jumps]
+    seen = Seen(pieces.distance_mm / sensor.length_mm, len(outline.vertices), rises)
+    pair = _pair_of(run, sensor, pieces, inward_corners(fit), seen)
     step = max((cut.rise for cut in jumps), default=0.0)
     jump = f"an end jumps by {step:.3g} mm from one strip to the next"
     at = jump if jumps else "a gap may hide in an inward corner"
-    if apart:
-        return (
+    if apart and not one_object:
+        several = (
             f"the contact is concave or at least two objects on the same strips: {at}; at least {pieces.count} convex "
-            "pieces (`--method pieces`, ts.pieces) explain the readings; if it is one object, keep this outline"
-        ), pair
+            f"pieces (`--method pieces`, ts.pieces) explain the readings; {IF_ONE}"
+        )
+        if pair is None or pieces.count > 2:
+            return several, pair
+        pair = replace(pair, advice=several)
     area = moments(outline.vertices)[0]
     hidden = max((_behind(cut, pieces.read.x) / area for cut in jumps), default=0.0)
-    if hidden > _HIDDEN:
+    likely_two = not one_object and pair is not None and pair.probability >= 0.5
+    if hidden > (_HIDDEN_OPEN if wrong or apart else _HIDDEN) and not likely_two:
+        or_several = "" if one_object else ", or several objects on the same strips"
         return (
-            f"the contact is concave, or several objects on the same strips: {at}, and behind such an overhang "
+            f"the contact is concave{or_several}: {at}, and behind such an overhang "
             f"{100.0 * min(hidden, 1.0):.0f} % of the outline or more may not be touched; turn the object"
         ), pair
     return "", pair
+
+
+def _follows(outline: Outline, pieces: RunPieces) -> bool:
+    """Whether an outline hardly differs from several convex stretches, curved ones too, that explain the readings."""
+    read = pieces.read
+    own = np.stack([np.interp(read.x, *chain.T) for chain in (outline.lower, outline.upper)])
+    return pieces.count > 1 and pieces.explains and nearly(own, np.stack([read.l, read.u]))
 
 
 def _read_ends(
@@ -246,7 +271,7 @@ def _pieces_of(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray], 
 
 
 def _pair_of(
-    run: RunFit, sensor: Sensor, pieces: RunPieces, inward: tuple[list[float], list[float]]
+    run: RunFit, sensor: Sensor, pieces: RunPieces, inward: tuple[list[float], list[float]], seen: Seen
 ) -> Pair | None:
     """Return the two objects that may be taken for one concave one, of which corners turn inwards."""
     of_l, of_u = pieces.chains
@@ -264,7 +289,7 @@ def _pair_of(
         close = {i + off for i in at for off in range(-_NEAR_CORNER, _NEAR_CORNER + 1)}
         close |= {int(strips[cut.strip]) for of, cut in pieces.cuts if of == side} | {1, len(x) - 1}
         near.append(sorted(i for i in close if 0 < i < len(x)))
-    return likeliest_pair(ends, near, right, pieces.apart)
+    return likeliest_pair(ends, near, right, seen)
 
 
 def _pair_at_the_ends(

@@ -79,6 +79,7 @@ def reconstruct_object(
     around: int,
     effort: Effort = "none",
     area_mm2: tuple[float, float] | None = None,
+    one_object: bool = False,
 ) -> RecoveredObject:
     """Return the object that a contact's fit stands for.
 
@@ -96,6 +97,8 @@ def reconstruct_object(
         Of assessing how sure the shape is.
     area_mm2
         Mean and standard deviation of the contact's area, where that is known.
+    one_object
+        Whether it is known that the contact is one object.
     """
     strips, run = contact.strips, contact.run
     notes = notes_of(scan, sensor, contact, around, noise is not None)
@@ -121,7 +124,7 @@ def reconstruct_object(
     if bounded and noise is not None and model is fit:
         given, unbounded = given.within_bound(contact, sensor, scan, noise, faint)
     distribution = None if noise is None else noise.distribution if noise.independent else "normal"
-    wrong = misfit(run, distribution, given.slopes, given.errors) or unbounded
+    wrong = misfit(run, distribution, given.slopes, given.errors, one_object) or unbounded
     asked = wrong or np.count_nonzero(run.excluded)
     convex = one_convex(run, distribution, given.outline, sensor, contact.readings) if asked else None
     assessing = partial(
@@ -141,7 +144,11 @@ def reconstruct_object(
             run, contact, given, assessed, two = convex.run, whole, other, drawn, _TWO_OF_FEW
         else:
             convex = None
-    wrong, pair = second_look(run, distribution, given.outline, sensor, wrong, contact.readings, convex)
+    wrong, pair = second_look(
+        run, distribution, given.outline, sensor, wrong, contact.readings, convex, one_object
+    )
+    if one_object:
+        two, pair = 0.0, None
     beyond = beyond_outline(run, contact.readings)
     if assessed is None:
         assessed = assessing(

@@ -12,6 +12,7 @@ from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.geometry.moments import deviations, moments
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.pieces.pair import Pair
+from tacstrip.reconstruction.polygon.goodness_of_fit import IF_ONE
 from tacstrip.reconstruction.polygon.outline_estimate import FittedContact
 from tacstrip.reconstruction.polygon.run import RunFit
 from tacstrip.reconstruction.posterior.assessment import (
@@ -36,7 +37,7 @@ _NEVER = 2.0
 _NAMED = 5  # strips that advice names
 # Probability of two objects: where the outline is concave and overlaps them less than "ok" promises it is doubted, and
 # as any other outline that is less sure; less than the second is not told.
-_OTHER, _NOTED = 0.14, 0.05
+_OTHER, _NOTED = 0.07, 0.05
 OTHERS = (
     "the best outline of few corners is off by {:.2g} % of Vref, and others explain the readings too: {}, or give the "
     "noise"
@@ -108,9 +109,12 @@ def two_objects(pair: Pair, right: bool, confidence: float) -> tuple[str, str]:
 
     `right` is whether the outline overlaps both together as `ok` promises: then only their number is open.
     """
+    slide = "slide or turn the contact and track it, or add a second layer, to tell"
     told = (
-        f"two objects on the same strips explain the readings too, with a probability of {pair.probability:.2f} (see "
-        "the alternatives): slide or turn the contact and track it, or add a second layer, to tell"
+        f"{pair.advice}; it is two with a probability of {pair.probability:.2f} (see the alternatives): {slide}"
+        if pair.advice
+        else f"two objects on the same strips explain the readings too, with a probability of {pair.probability:.2f} "
+        f"(see the alternatives): {slide}; {IF_ONE}"
     )
     if confidence < ENOUGH or (pair.probability >= _OTHER and not right and not pair.one_convex):
         return told, ""
