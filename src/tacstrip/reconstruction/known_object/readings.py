@@ -24,7 +24,7 @@ from tacstrip.sensor.slant import edge_read
 from tacstrip.sensor.spec import Sensor
 
 STARTS = 48  # angles
-_TURNS, _TURNED = 12, 3  # turns by which an outline is compared with itself; poses that are tried turned
+_TURNS, _TURNED = 12, 2  # turns by which an outline is compared with itself; poses that are tried turned
 GUESS = 0.005  # of Vref: noise of a search where none is given
 _COARSE_STRIPS = 60  # of the search; the poses found are refined on all strips
 _NEAR = 4.0  # spreads within which two descents ended in one pose
