@@ -19,7 +19,7 @@ from tacstrip.arrays import FloatArray
 from tacstrip.cli import cli
 from tacstrip.io.geojson import feature_collection
 from tacstrip.reconstruction.known_object.fit import pose_covariance
-from tacstrip.reconstruction.known_object.readings import PoseFit, corners_of
+from tacstrip.reconstruction.known_object.readings import PoseFit, corners_of, posed_at, turned_alike
 from tacstrip.reconstruction.known_object.rivals import has_axis
 
 SENSOR = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=10.0, length_mm=100.0)
@@ -292,6 +292,36 @@ def test_no_strip_is_left_out_for_an_upright_edge_on_its_wrong_side() -> None:
     (found,) = ts.fit_object(ts.Scan(kh=kh, kl=kl), SENSOR, angle, NOISE).objects
     assert (found.status, found.advice) == ("ok", "")
     assert iou(found.vertices, np.array(angle)) > 0.95
+
+
+def test_an_egg_the_other_way_round_is_among_the_poses() -> None:
+    """Three strips hardly tell its ends apart; descents from angles all round end in one of the two poses only."""
+    t = np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False)
+    egg = np.stack([1.73 * np.cos(t) * (1.0 - 0.16 * np.sin(t)), 2.25 * np.sin(t)], axis=1)
+    sensor = ts.Sensor(construction="crs-crs", strips=4, pitch_mm=1.6878, length_mm=20.655)
+    kh, kl = np.array([0.1941, 0.2383, 0.2457, np.nan]), np.array([0.1875, 0.1262, 0.1956, np.nan])
+    noise = ts.Noise(positional=0.003522)
+    (found,) = ts.fit_object(ts.Scan(kh=kh, kl=kl), sensor, egg, noise, edge_mm=0.069).objects
+    (other,) = found.alternatives
+    assert found.pose is not None
+    assert other.pose is not None
+    turned = math.remainder(found.pose.angle - other.pose.angle, 2.0 * math.pi)
+    assert abs(turned) == pytest.approx(math.pi, abs=0.2)
+    assert other.weight > 0.2
+
+
+def test_poses_are_tried_turned_to_where_the_outline_is_like_itself() -> None:
+    """A triangle whose sides are nearly alike, by thirds and by half a circle, in the box that it lies in."""
+    corners = corners_of([(0, 0), (40, 0), (20, 35)])
+    x = SENSOR.x_mm
+    fit = PoseFit(SENSOR, corners, slice(2, 6), x[2:6], ("kh", "kl"), np.zeros((2, 4)), np.ones((2, 4)), 0.0,
+                  np.zeros(len(x), dtype=bool))  # fmt: skip
+    pose = np.array([[40.0, 50.0, 0.3, 0.0]])
+    turned = turned_alike(fit, pose)
+    np.testing.assert_allclose(np.sort(turned[:, 2] - 0.3), np.array([-2, 2, 3]) * np.pi / 3)
+    (box,), boxes = (posed_at(corners, p) for p in (pose, turned))
+    middle, middles = box.min(axis=0) + box.max(axis=0), boxes.min(axis=1) + boxes.max(axis=1)
+    np.testing.assert_allclose(middles, np.tile(middle, (3, 1)))
 
 
 @pytest.mark.parametrize("log_size", [0.0, 0.1])

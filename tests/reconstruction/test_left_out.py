@@ -208,6 +208,17 @@ def test_a_faulty_channel_is_no_border_of_strips_at_rest() -> None:
     assert (found.status, found.faulty) == (SURE, ("5:v_l",))
 
 
+def test_a_stuck_channel_that_hardly_moves_the_other_end_is_named() -> None:
+    """It moves one end by 19 deviations and the other by 3.5; the strip's other reading agrees with all strips."""
+    kh = [np.nan, 0.5686, 0.5706, 0.6748, 0.666, 0.7127, 0.7567, 0.7981, 0.8385, 0.887]
+    kl = [np.nan, 0.5488, 0.3832, 0.4238, 0.5081, 0.5873, 0.6595, 0.7297, 0.8089, 0.8819]
+    sensor = replace(SENSOR, pitch_mm=1.66511, length_mm=23.4406, resistivity_ratio=1.97737)
+    scan = ts.Scan(kh=np.array(kh), kl=np.array(kl))
+    (found,) = ts.fit_polygon(scan, sensor, assessment="fast").objects
+    assert (found.status, found.faulty) == ("ok", ("4:v_h",))
+    assert ts.mismatch(np.array([(4.45, 7.5), (16.24, 20.94), (2.32, 13.31)]), found.vertices).iou > 0.95
+
+
 @pytest.mark.parametrize("noise", [NOISE, None], ids=["told", "unknown"])
 @pytest.mark.parametrize("strip", [1, 2, 3, 5])
 @pytest.mark.parametrize(("low", "high"), [(70, 75), (92, 98), (2, 6)])

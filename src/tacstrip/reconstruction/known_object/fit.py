@@ -30,6 +30,7 @@ from tacstrip.reconstruction.known_object.readings import (
     noise_left,
     posed_at,
     readings_left,
+    turned_alike,
 )
 from tacstrip.reconstruction.known_object.rivals import FLIPPED, has_axis, log_evidence, mirror_image
 from tacstrip.reconstruction.known_object.status import (
@@ -199,9 +200,9 @@ def _placed(
     poses = distinct(coarse, poses, cost)
     if edge_mm:
         fit = fit.with_sigma(known or GUESS, poses[0])
-    poses, cost = fit.descend(poses, _FINE_STEPS)
+    poses, cost = fit.descend(np.concatenate([poses, turned_alike(fit, poses)]), _FINE_STEPS)
     before = fit.weight > 0.0
-    fit, poses = _without_outlier(fit, poses[np.argsort(cost)], known, distribution)
+    fit, poses = _without_outlier(fit, distinct(fit, poses, cost), known, distribution)
     out = before & ~(fit.weight > 0.0)
     sigma = known or max(noise_left(fit, poses[0]), FLOOR, sensor.adc_step / math.sqrt(12.0))
     whole = replace(fit, weight=before.astype(float)).with_sigma(sigma, poses[0])

@@ -24,6 +24,7 @@ from tacstrip.sensor.slant import edge_read
 from tacstrip.sensor.spec import Sensor
 
 STARTS = 48  # angles
+_TURNS, _TURNED = 12, 2  # turns by which an outline is compared with itself; poses that are tried turned
 GUESS = 0.005  # of Vref: noise of a search where none is given
 _COARSE_STRIPS = 60  # of the search; the poses found are refined on all strips
 _NEAR = 4.0  # spreads within which two descents ended in one pose
@@ -352,6 +353,28 @@ def across_upright_edges(fit: PoseFit, pose: FloatArray, covariance: FloatArray)
     moments = np.einsum("b,bi,bj->ij", weight, away, away)
     moments[1:, 1:] += np.einsum("b,bij->ij", weight, np.linalg.inv(normal))
     return np.asarray(moments) if moments[0, 0] > _WIDER * covariance[0, 0] else covariance
+
+
+def turned_alike(fit: PoseFit, poses: FloatArray) -> FloatArray:
+    """Return the first of poses (B, 4), turned by half a circle and where the outline is most like itself.
+
+    They lie in the same box. Of two such poses that read nearly alike descents from all round may find one only.
+    """
+    turns = np.zeros((_TURNS, 4))
+    turns[:, 2] = np.arange(1, _TURNS + 1) * (
+        np.pi / _TURNS
+    )  # the other way round it overlaps itself as much
+    one, others = shapely.Polygon(fit.corners), shapely.polygons(posed_at(fit.corners, turns))
+    common = shapely.area(shapely.intersection(one, others))
+    peak = common[1:-1] >= np.maximum(common[:-2], common[2:])
+    angle = turns[1:-1, 2][peak]
+    angle = np.concatenate([angle, -angle, [np.pi]])
+    poses = np.repeat(poses[:_TURNED], len(angle), axis=0)
+    found = poses.copy()
+    found[:, 2] += np.resize(angle, len(found))
+    before, after = (posed_at(fit.corners, p) for p in (poses, found))
+    found[:, :2] += 0.5 * (before.min(axis=1) + before.max(axis=1) - after.min(axis=1) - after.max(axis=1))
+    return found
 
 
 def from_beside(fit: PoseFit, poses: FloatArray, steps: int) -> FloatArray:

@@ -24,6 +24,9 @@ from tacstrip.sensor.spec import Sensor
 
 _GAP = 0.02  # of L: objects nearer to each other are one, and what moves an end by less may be a stray error
 _STAYS, _RAIL = 4.0, 3.0  # deviations: an end is where it was; a reading is none of ground or Vref
+# Deviations by which the end that moves less must be off, beyond those of the reading that was kept: likelihoods of a
+# fault and of a second object are then as 90 to 1.
+_ELSEWHERE = 3.0
 _OUTER = 3  # strips at either end
 _MOST_STRIPS = 24  # on more, neighbours tell the noise whatever one channel reads
 _ALARM = 3.5  # deviations of chi square
@@ -51,7 +54,7 @@ def one_end_off(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray])
         railed = run.excluded & ((read <= rail) | (read >= 1.0 - rail))
         inside = (read[0] > read[1] - 2.0 * _STAYS * run.sigma) & ~railed.any(axis=0)
     left_out = run.excluded.any(axis=0) & inside
-    one = (moved.deviations.min(axis=0) <= _STAYS) & (moved.deviations.max(axis=0) >= 2.0 * _STAYS)
+    one = moved.one_stays & (moved.deviations.max(axis=0) >= 2.0 * _STAYS)
     one &= np.abs(moved.off).max(axis=0) >= _GAP
     one |= _ends_there(run, sensor, readings)
     # Two channels are seldom faulty, and seldom neighbours; an object of two strips reads so.
@@ -82,7 +85,7 @@ def contradictory(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray
     moved = _Moved.of(run, sensor, readings)
     with np.errstate(invalid="ignore"):
         crossed = readings["kh"] < readings["kl"] - 2.0 * _STAYS * run.sigma
-        both = (moved.deviations.min(axis=0) > _STAYS) & (np.abs(moved.off).max(axis=0) >= _GAP)
+        both = ~moved.one_stays & (np.abs(moved.off).max(axis=0) >= _GAP)
         none = crossed | (both & ~_ends_there(run, sensor, readings))
     return np.asarray(run.excluded & none & (run.excluded.sum(axis=0) == 1))
 
@@ -109,18 +112,20 @@ def _ends_there(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray])
             continue
         inner = sound & ((at > i) if i == beyond else (at < i))
         chains = [(x, y, w) for y, w in zip((l, -u), weight, strict=True)]
-        found[i] = all(_convex_with(*chain, inner, i) for chain in chains) and (
-            beyond == 0 or any(_convex_with(*chain, sound, i) for chain in chains)
+        found[i] = all(_convex_with(*chain, inner, i, _STAYS) for chain in chains) and (
+            beyond == 0 or any(_convex_with(*chain, sound, i, _STAYS) for chain in chains)
         )
     return found
 
 
-def _convex_with(x: FloatArray, y: FloatArray, weight: FloatArray, others: BoolArray, i: int) -> bool:
-    """Whether a chain y (n,) of others stays as near to a convex one with strip i."""
+def _convex_with(
+    x: FloatArray, y: FloatArray, weight: FloatArray, others: BoolArray, i: int, most: float
+) -> bool:
+    """Whether a chain y (n,) of others stays as near to a convex one with strip i, but for so many deviations."""
     both = others.copy()
     both[i] = True
     before, after = (convex_cost(x[of], y[of], weight[of]) for of in (others, both))
-    return after - before <= _STAYS**2
+    return after - before <= most**2
 
 
 def without_one(
@@ -236,7 +241,7 @@ def _moves_both(
     if np.abs(chains[:, 0, i] / sensor.length_mm - ends.ends[:, i] * (1.0, -1.0)).max() < _GAP:
         return False
     others = np.isfinite(chains).all(axis=(0, 1)) & (np.arange(len(x)) != i)
-    return not any(_convex_with(x, y, w, others, i) for y, w in chains)
+    return not any(_convex_with(x, y, w, others, i, _ELSEWHERE) for y, w in chains)
 
 
 def _content(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray], sigma_known: bool) -> bool:
@@ -252,10 +257,19 @@ def _content(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray], si
 
 @dataclass(frozen=True, eq=False)
 class _Moved:
-    """How far readings move l and u of every strip from a fit's (2, n), over L and over what noise does."""
+    """How far readings move l and u of every strip from a fit's (2, n), over L and over what noise does.
+
+    `others` (n,): how far a strip's readings that were not left out are from the fit's, over their deviation.
+    """
 
     off: FloatArray
     deviations: FloatArray
+    others: FloatArray
+
+    @property
+    def one_stays(self) -> BoolArray:
+        """Return on which strips (n,) an end agrees with all others about as well as the reading that was kept does."""
+        return np.asarray(self.deviations.min(axis=0) <= np.hypot(_ELSEWHERE, self.others))
 
     @classmethod
     def of(cls, run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray]) -> _Moved:
@@ -263,9 +277,11 @@ class _Moved:
         x = problem.x * problem.width_mm + problem.origin_mm
         l, u = (np.interp(x, *chain.T) / problem.length_mm for chain in (in_mm.lower, in_mm.upper))
         with np.errstate(divide="ignore", invalid="ignore"):
-            off = np.stack(closed_ends(sensor, readings["kh"], readings["kl"])) / sensor.length_mm - [l, u]
-            by_l, by_u, _ = problem.jacobian(l, u)
+            read = np.stack([readings["kh"], readings["kl"]])
+            off = np.stack(closed_ends(sensor, *read)) / sensor.length_mm - [l, u]
+            by_l, by_u, k = problem.jacobian(l, u)
+            others = np.where(run.excluded, 0.0, np.abs(read - k) / run.sigma).max(axis=0)
             # A column of the inverse Jacobian's rows: how far both readings' errors move l, and u.
             spread = np.stack([np.hypot(*by_u), np.hypot(*by_l)])
             spread /= np.abs(by_l[0] * by_u[1] - by_l[1] * by_u[0])
-            return cls(off, np.abs(off) / (run.sigma * spread))
+            return cls(off, np.abs(off) / (run.sigma * spread), others)
