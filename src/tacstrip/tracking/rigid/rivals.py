@@ -8,14 +8,22 @@ import numpy as np
 import shapely
 
 from tacstrip.arrays import FloatArray
-from tacstrip.core.rigid import RigidScans
+from tacstrip.core.rigid import LEAST, RigidScans
 from tacstrip.tracking.rigid.corners import Fit, corners_cut, edges_and_turns, fitted, poses_around, settled
-from tacstrip.tracking.rigid.covariance import covariances, information, rigid_motions
+from tacstrip.tracking.rigid.covariance import (
+    covariances,
+    information,
+    of_numbers,
+    rigid_motions,
+    without_poses,
+)
 from tacstrip.tracking.rigid.found import Found, carried
 from tacstrip.tracking.rigid.offsets import with_offsets
 from tacstrip.tracking.rigid.search import freer_spline
 
 _ANOTHER = 0.5  # squared deviations from the others: a place of its own where a pose may rest
+_FREE = 12.0  # pitches^-2: what strips that touch tell of a pose anywhere within a gap between them
+_PLACES = (0.25, 0.5, 0.75)  # of an edge, where a corner more may be
 _STEPS, _SETTLED = 10, 3  # of each descent from a corner cut off, and how many of these are settled
 _GAIN = 1.0  # of chi square, by an edge that is open: noise gives its two numbers two on average
 # Of the extent, and radians: edges and corners that stand for themselves.
@@ -94,33 +102,68 @@ def with_a_corner_cut(scans: RigidScans, fit: Fit, least_mm: float) -> Fit | Non
     return None
 
 
+def unseen_corner_mm(scans: RigidScans, fit: Fit) -> float:
+    """Return how high a corner more would be known to stand on the edge that scans see least [mm], its deviation.
+
+    By the bound, with all other corners and the poses following, at the best of some places of the edge. No corner of
+    less than a right angle is looked for: no more than half the edge.
+    """
+    corners = fit.corners
+    along = np.roll(corners, -1, axis=0) - corners
+    length = np.hypot(*along.T)
+    out = np.stack([along[:, 1], -along[:, 0]], axis=1) / length[:, None]
+    count, most = len(corners), np.full(len(corners), np.inf)
+    own, every = np.eye(2 * count), np.arange(count)
+    for share in _PLACES:
+        more = np.stack(
+            [corners, corners + share * along], axis=1
+        )  # (N, 2, 2): a corner, and a place on its edge
+        between = (1.0 - share) * own + share * np.roll(own, -2, axis=0)
+        by = np.zeros((count, 2, 2, 3 * count))
+        by[:, 0, :, : 2 * count], by[:, 1, :, : 2 * count] = (m.reshape(count, 2, -1) for m in (own, between))
+        by[every, 1, :, 2 * count + every] = out
+        found = of_numbers(information(scans, more.reshape(-1, 2), fit.poses), by.reshape(4 * count, -1))
+        matrix = without_poses(found, freer_spline(fit.basis))[0]
+        rest, mixed = matrix[: 2 * count, : 2 * count], matrix[: 2 * count, 2 * count :]
+        taken = np.einsum("pn,pq,qn->n", mixed, np.linalg.pinv(rest, 1e-9, hermitian=True), mixed)
+        most = np.minimum(most, np.maximum(matrix.diagonal()[2 * count :] - taken, 1e-12) ** -0.5)
+    return float(np.minimum(most, 0.5 * length).max())
+
+
 def about_other_rests(scans: RigidScans, fit: Fit) -> FloatArray:
-    """Return what a scan's pose resting elsewhere adds to its covariance (T, 3, 3)."""
-    totals, spread = np.ones(len(fit.poses)), np.zeros((len(fit.poses), 3, 3))
-    known = information(scans, fit.corners, fit.poses).pose
-    off, worse = _other_rests(scans, fit)
-    kept = [np.zeros_like(fit.poses)]
-    for theirs, by in zip(off.transpose(1, 0, 2), worse.T, strict=True):
-        apart = [np.einsum("ti,tij,tj->t", theirs - k, known, theirs - k) > _ANOTHER for k in kept]
-        odds = np.where(np.all(apart, axis=0), np.exp(-0.5 * np.maximum(by, 0.0)), 0.0)
-        kept.append(np.where(odds[:, None] > 0.0, theirs, 0.0))
-        totals, spread = totals + odds, spread + odds[:, None, None] * _squares(theirs)
-    return np.asarray(spread / totals[:, None, None])
+    """Return what a scan's pose resting elsewhere adds to its covariance (T, 3, 3).
 
-
-def _other_rests(scans: RigidScans, fit: Fit) -> tuple[FloatArray, FloatArray]:
-    """Return how far off descents of single poses end, from about where they are (T, K, 3), and what more that costs.
-
-    The best first (T, K).
+    A mixture of normal distributions, each with the odds of its cost and the volume of its covariance (Laplace): beside
+    a kink that holds a corner exactly there may lie a valley that costs more, and of which far more is likely.
     """
     poses, costs = poses_around(scans, fit)
     order = np.argsort(costs, axis=1, kind="stable")
     rows = np.arange(len(costs))[:, None]
-    return poses[rows, order] - fit.poses[:, None], costs[rows, order] - fit.costs[:, None]
+    poses = np.concatenate(
+        [fit.poses[:, None], poses[rows, order]], axis=1
+    )  # (T, K, 3): the fit's, then the best
+    costs = np.concatenate([fit.costs[:, None], costs[rows, order]], axis=1)
+    total, count = costs.shape
+    again = scans.of(np.repeat(np.arange(total), count))
+    known = information(again, fit.corners, poses.reshape(-1, 3)).pose.reshape(total, count, 3, 3)
+    known = known + np.diag(_FREE * np.array([1.0, 1.0, 0.0]) / scans.sensor.pitch_mm**2) + LEAST * np.eye(3)
+    steps = poses[:, :, None] - poses[:, None]  # (T, K, K, 3)
+    apart = np.einsum("tkli,tkij,tklj->tkl", steps, known, steps) > _ANOTHER
+    apart |= apart.transpose(0, 2, 1)
+    kept = np.zeros(costs.shape, dtype=bool)
+    for i in range(count):
+        kept[:, i] = (apart[:, i] | ~kept).all(axis=1)
+    covariance = np.linalg.inv(known)
+    volume = np.sqrt(np.linalg.det(covariance))
+    odds = np.where(kept, volume * np.exp(-0.5 * np.maximum(costs - costs[:, :1], 0.0)), 0.0)
+    odds /= odds.sum(axis=1, keepdims=True)
+    mixed = np.einsum("tk,tkij->tij", odds, covariance + _squares(poses - poses[:, :1]))
+    value, vector = np.linalg.eigh(mixed - covariance[:, 0])  # a region is no smaller for what else may be
+    return np.asarray((vector * np.maximum(value, 0.0)[:, None]) @ vector.transpose(0, 2, 1))
 
 
 def _squares(steps: FloatArray) -> FloatArray:
-    return np.asarray(steps[:, :, None] * steps[:, None, :])
+    return np.asarray(steps[..., :, None] * steps[..., None, :])
 
 
 def _onto(corners: FloatArray, to: FloatArray) -> tuple[int, FloatArray, FloatArray]:
