@@ -24,12 +24,7 @@ from tacstrip.tracking.rigid.curved import DISC, ROUNDED, RigidCurve
 from tacstrip.tracking.rigid.found import content
 from tacstrip.tracking.rigid.offsets import not_ruled_out, with_offsets
 from tacstrip.tracking.rigid.posterior import scatter
-from tacstrip.tracking.rigid.rivals import (
-    beside_rivals,
-    poses_beside_rivals,
-    unseen_corner_mm,
-    with_a_corner_cut,
-)
+from tacstrip.tracking.rigid.rivals import beside_rivals, poses_beside_rivals, with_a_corner_cut
 from tacstrip.tracking.rigid.search import FEW_STRIPS, LEAST_STRIPS, freer_spline
 from tacstrip.tracking.rigid.strain import strain_gain
 from tacstrip.tracking.scan_noise import correlation_of_strips
@@ -78,10 +73,6 @@ _LOOSE = (
     "the scans leave a corner uncertain by {far:.2g} mm (two standard deviations): read both signatures, turn the "
     "object further, or slide it across the strips"
 )
-_UNSEEN = (
-    "an edge may have a corner of {far:.2g} mm that the scans do not show (two standard deviations): turn the object, "
-    "or slide it across the strips"
-)
 _CONCAVE = "the outline is concave: one object, or several that keep together"
 _SMOOTH = (
     "one signature on few strips tells the shape only as far as the motion is smooth: corners and poses may be off by "
@@ -108,8 +99,14 @@ _SHORT = "{n} scans show it, too few for a shape over time: the outline is that 
 _LOOKS_ALIKE = "another that it shared strips with looks like it: after they parted each may be the other"
 
 
-def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | None) -> Track:
-    """Return what is known of an object over time."""
+def summarised(
+    one: Object, scans: list[Scan], read: Readings, noise: Noise | None, *, young: bool = False
+) -> Track:
+    """Return what is known of an object over time.
+
+    `young`: more scans are to come, and decide. Of few strips its corners are walked about, as those of concave ones: a
+    corner that rests exactly at a strip looks well known there, and may lie anywhere beyond it.
+    """
     if one.curve is not None:
         return _curve_over_time(one, one.curve, len(scans), read)
     fit, skin, total = one.found.fit, read.skin, len(scans)
@@ -166,7 +163,7 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
         told, advice = False, _NO_PATH
     elif not advice and fit.basis is not None and few and len(outline) >= FIRST:
         told, advice = False, _CURVED.format(n=len(outline))
-    if not advice and concave and fit.basis is None:
+    if not advice and (concave or (young and few)) and fit.basis is None:
         loosest = max(loosest, scatter(one.scans, fit))
     if not advice and DEVIATIONS * loosest > unsure:
         told, advice = False, _LOOSE.format(far=DEVIATIONS * loosest)
@@ -177,9 +174,7 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
     elif not advice:
         tied = fit.basis is not None and few
         wander = [_WANDERS.format(times=wider)] * (wider > 1.0)
-        far = DEVIATIONS * unseen_corner_mm(one.scans, fit) if len(outline) < FIRST else 0.0
-        unseen = [_UNSEEN.format(far=far)] * (far > unsure)
-        note = "; ".join([_CONCAVE] * concave + [_SMOOTH] * tied + unseen + wander)
+        note = "; ".join([_CONCAVE] * concave + [_SMOOTH] * tied + wander)
     parted = bool(one.joint) and max(one.shown) > min(one.joint)
     more_advice = (
         [_LOOKS_ALIKE] if one.alike and parted and not one.shared else [m.advice for m in one.shared]

@@ -10,20 +10,13 @@ import shapely
 from tacstrip.arrays import FloatArray
 from tacstrip.core.rigid import LEAST, RigidScans
 from tacstrip.tracking.rigid.corners import Fit, corners_cut, edges_and_turns, fitted, poses_around, settled
-from tacstrip.tracking.rigid.covariance import (
-    covariances,
-    information,
-    of_numbers,
-    rigid_motions,
-    without_poses,
-)
+from tacstrip.tracking.rigid.covariance import covariances, information, rigid_motions
 from tacstrip.tracking.rigid.found import Found, carried
 from tacstrip.tracking.rigid.offsets import with_offsets
 from tacstrip.tracking.rigid.search import freer_spline
 
 _ANOTHER = 0.5  # squared deviations from the others: a place of its own where a pose may rest
 _FREE = 12.0  # pitches^-2: what strips that touch tell of a pose anywhere within a gap between them
-_PLACES = (0.25, 0.5, 0.75)  # of an edge, where a corner more may be
 _STEPS, _SETTLED = 10, 3  # of each descent from a corner cut off, and how many of these are settled
 _GAIN = 1.0  # of chi square, by an edge that is open: noise gives its two numbers two on average
 # Of the extent, and radians: edges and corners that stand for themselves.
@@ -100,34 +93,6 @@ def with_a_corner_cut(scans: RigidScans, fit: Fit, least_mm: float) -> Fit | Non
             if there.hausdorff_distance(own) > least_mm:
                 return cut_off
     return None
-
-
-def unseen_corner_mm(scans: RigidScans, fit: Fit) -> float:
-    """Return how high a corner more would be known to stand on the edge that scans see least [mm], its deviation.
-
-    By the bound, with all other corners and the poses following, at the best of some places of the edge. No corner of
-    less than a right angle is looked for: no more than half the edge.
-    """
-    corners = fit.corners
-    along = np.roll(corners, -1, axis=0) - corners
-    length = np.hypot(*along.T)
-    out = np.stack([along[:, 1], -along[:, 0]], axis=1) / length[:, None]
-    count, most = len(corners), np.full(len(corners), np.inf)
-    own, every = np.eye(2 * count), np.arange(count)
-    for share in _PLACES:
-        more = np.stack(
-            [corners, corners + share * along], axis=1
-        )  # (N, 2, 2): a corner, and a place on its edge
-        between = (1.0 - share) * own + share * np.roll(own, -2, axis=0)
-        by = np.zeros((count, 2, 2, 3 * count))
-        by[:, 0, :, : 2 * count], by[:, 1, :, : 2 * count] = (m.reshape(count, 2, -1) for m in (own, between))
-        by[every, 1, :, 2 * count + every] = out
-        found = of_numbers(information(scans, more.reshape(-1, 2), fit.poses), by.reshape(4 * count, -1))
-        matrix = without_poses(found, freer_spline(fit.basis))[0]
-        rest, mixed = matrix[: 2 * count, : 2 * count], matrix[: 2 * count, 2 * count :]
-        taken = np.einsum("pn,pq,qn->n", mixed, np.linalg.pinv(rest, 1e-9, hermitian=True), mixed)
-        most = np.minimum(most, np.maximum(matrix.diagonal()[2 * count :] - taken, 1e-12) ** -0.5)
-    return float(np.minimum(most, 0.5 * length).max())
 
 
 def about_other_rests(scans: RigidScans, fit: Fit) -> FloatArray:
