@@ -43,10 +43,7 @@ _NOT_FOUND = "no shape explains its scans so far: believe single scans"
 _UNPROVEN = "a shape found after an alarm has explained {scans} scans so far, and is believed after {proof}"
 _JOINT = "it shares strips with another object, so that this scan does not tell its pose"
 _UNEXPLAINED = "the shape that explains the other scans does not explain this one"
-_PLACE = (
-    "this scan leaves a corner's place uncertain by {far:.2g} mm (two standard deviations): it may lie anywhere within "
-    "a gap between strips"
-)
+_PLACE = "this scan leaves a corner's place open: it may lie anywhere within a gap between strips"
 _BACK = "the clock went back: no velocity"
 _WIDE = 0.01  # of the length: on wider strips outlines over time are off by too much to be likely
 _LINES = (
@@ -447,7 +444,6 @@ class LiveContact:
         )  # fmt: skip
         if status == "doubtful" or np.isfinite(k).any(axis=0).sum() >= FEW_STRIPS:
             return one
-        if (far := DEVIATIONS * one._place_deviation_mm) <= tolerated_mm(lag.sensor, lag.corners):
+        if DEVIATIONS * one._place_deviation_mm <= tolerated_mm(lag.sensor, lag.corners):
             return one
-        said = "; ".join(filter(None, [_PLACE.format(far=far), one.advice]))
-        return replace(one, status="doubtful", advice=said)
+        return replace(one, status="doubtful", advice="; ".join(filter(None, [_PLACE, one.advice])))

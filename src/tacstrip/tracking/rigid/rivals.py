@@ -17,6 +17,7 @@ from tacstrip.tracking.rigid.search import freer_spline
 
 _ANOTHER = 0.5  # squared deviations from the others: a place of its own where a pose may rest
 _FREE = 12.0  # pitches^-2: what strips that touch tell of a pose anywhere within a gap between them
+_BLOCK = 256  # scans whose rests are compared at a time: their readings are taken once for each
 _STEPS, _SETTLED = 10, 3  # of each descent from a corner cut off, and how many of these are settled
 _GAIN = 1.0  # of chi square, by an edge that is open: noise gives its two numbers two on average
 # Of the extent, and radians: edges and corners that stand for themselves.
@@ -101,6 +102,12 @@ def about_other_rests(scans: RigidScans, fit: Fit) -> FloatArray:
     A mixture of normal distributions, each with the odds of its cost and the volume of its covariance (Laplace): beside
     a kink that holds a corner exactly there may lie a valley that costs more, and of which far more is likely.
     """
+    every = np.arange(len(fit.poses))
+    some = [every[i : i + _BLOCK] for i in range(0, len(every), _BLOCK)]
+    return np.concatenate([_about_other_rests(scans.of(own), fit.of(own)) for own in some])
+
+
+def _about_other_rests(scans: RigidScans, fit: Fit) -> FloatArray:
     poses, costs = poses_around(scans, fit)
     order = np.argsort(costs, axis=1, kind="stable")
     rows = np.arange(len(costs))[:, None]
