@@ -111,7 +111,7 @@ def find_shape(contact: Contact) -> KnownShape | None:
     if one is None:
         return None
     scans = [Scan(**dict(zip(contact.names, row, strict=True))) for row in contact.k]
-    track = summarised(one, scans, read, None, young=True)
+    track = summarised(one, scans, read, None)
     turn = 0.0 if np.isnan(contact.angle) else float(track.poses[-1, 2] - contact.angle)
     frame = np.array([0.0, 0.0, turn])
     lag = FixedLag(

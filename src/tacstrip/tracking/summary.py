@@ -99,14 +99,8 @@ _SHORT = "{n} scans show it, too few for a shape over time: the outline is that 
 _LOOKS_ALIKE = "another that it shared strips with looks like it: after they parted each may be the other"
 
 
-def summarised(
-    one: Object, scans: list[Scan], read: Readings, noise: Noise | None, *, young: bool = False
-) -> Track:
-    """Return what is known of an object over time.
-
-    `young`: more scans are to come, and decide. Of few strips its corners are walked about, as those of concave ones: a
-    corner that rests exactly at a strip looks well known there, and may lie anywhere beyond it.
-    """
+def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | None) -> Track:
+    """Return what is known of an object over time."""
     if one.curve is not None:
         return _curve_over_time(one, one.curve, len(scans), read)
     fit, skin, total = one.found.fit, read.skin, len(scans)
@@ -163,8 +157,9 @@ def summarised(
         told, advice = False, _NO_PATH
     elif not advice and fit.basis is not None and few and len(outline) >= FIRST:
         told, advice = False, _CURVED.format(n=len(outline))
-    if not advice and (concave or (young and few)) and fit.basis is None:
-        loosest = max(loosest, scatter(one.scans, fit))
+    if not advice and (concave or few) and fit.basis is None:
+        chosen = one.found.chosen
+        loosest = max(loosest, scatter(one.scans.of(chosen), fit.of(chosen)))
     if not advice and DEVIATIONS * loosest > unsure:
         told, advice = False, _LOOSE.format(far=DEVIATIONS * loosest)
     elif not advice and (other := one.found.of_other_count(_COUNTED * sensor.pitch_mm)):
