@@ -24,7 +24,12 @@ from tacstrip.tracking.rigid.curved import DISC, ROUNDED, RigidCurve
 from tacstrip.tracking.rigid.found import content
 from tacstrip.tracking.rigid.offsets import not_ruled_out, with_offsets
 from tacstrip.tracking.rigid.posterior import scatter
-from tacstrip.tracking.rigid.rivals import beside_rivals, poses_beside_rivals, with_a_corner_cut
+from tacstrip.tracking.rigid.rivals import (
+    beside_rivals,
+    poses_beside_rivals,
+    unread_tip_mm,
+    with_a_corner_cut,
+)
 from tacstrip.tracking.rigid.search import FEW_STRIPS, LEAST_STRIPS, freer_spline
 from tacstrip.tracking.rigid.strain import strain_gain
 from tacstrip.tracking.scan_noise import correlation_of_strips
@@ -38,6 +43,7 @@ DEVIATIONS = 2.0  # ... within so many deviations
 # kinks, of which the readings prefer none.
 _KINKED = 1.2
 _COUNTED = 0.05  # pitches, by which an outline of another count is off, for the count to matter
+_UNREAD = 0.5  # pitches of a corner that no strip reads
 _MOVED = 0.5  # pitches that corners must move where few strips are touched
 _LEFT_OVER = (
     "a {kind} explains the readings best, and leaves {times:.3g} times their noise: is the noise larger than given, or "
@@ -60,6 +66,10 @@ _NOT_TOLD = (
 _COUNT = (
     "the number of corners is open: an outline of {n} explains the scans nearly as well; turn the object further, or "
     "take more scans"
+)
+_TIP = (
+    "no scan reads the last {far:.2g} mm of a corner, which may be cut off: turn the object, or slide it across the "
+    "strips by more than half a pitch"
 )
 _HARDLY_MOVED = (
     "its corners stay over the same strips in all {n} scans, which so tell little more of the shape than one: turn the "
@@ -157,13 +167,15 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
         told, advice = False, _NO_PATH
     elif not advice and fit.basis is not None and few and len(outline) >= FIRST:
         told, advice = False, _CURVED.format(n=len(outline))
+    some, own = one.scans.of(one.found.chosen), fit.of(one.found.chosen)
     if not advice and (concave or few) and fit.basis is None:
-        chosen = one.found.chosen
-        loosest = max(loosest, scatter(one.scans.of(chosen), fit.of(chosen)))
+        loosest = max(loosest, scatter(some, own))
     if not advice and DEVIATIONS * loosest > unsure:
         told, advice = False, _LOOSE.format(far=DEVIATIONS * loosest)
     elif not advice and (other := one.found.of_other_count(_COUNTED * sensor.pitch_mm)):
         told, advice = False, _COUNT.format(n=other)
+    elif not advice and few and not concave and unread_tip_mm(some, own) > _UNREAD * sensor.pitch_mm:
+        told, advice = False, _TIP.format(far=unread_tip_mm(some, own))
     elif not advice and (cut := _with_a_corner_cut(one)):
         told, advice, one = False, _COUNT.format(n=len(outline) + 1), cut
     elif not advice:
