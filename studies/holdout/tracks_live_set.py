@@ -29,11 +29,16 @@ EVENTS = ("goes on", "stops", "jumps", "lifted", "swapped", "lifted, another", "
 
 @dataclass
 class Seen:
-    """Of a scan: whether an object is claimed, and whether it is wrong."""
+    """Of a scan: what is said of an object, whether that claims it, and whether it is wrong."""
 
     after: int
-    claimed: bool
+    status: str
     wrong: bool
+
+    @property
+    def claimed(self) -> bool:
+        """Whether it is `ok` or `likely`."""
+        return self.status in CLAIMS
 
 
 def outlines(event: str, random: np.random.Generator) -> list[Array | None]:
@@ -77,27 +82,35 @@ def followed(event: str, seed: int, number: int) -> list[Seen]:
         read = read + white(read.shape, _LEVEL, "uniform", random)
         scan = ts.Scan(time_s=_APART_S * i, **dict(zip(unit.names, unit.digitised(read), strict=True)))
         for one in live.update(scan):
-            claimed = one.status in CLAIMS
-            seen.append(Seen(i - _BEFORE, claimed, claimed and (true is None or _wrong(one, true))))
+            wrong = one.status in CLAIMS and (true is None or _wrong(one, true))
+            seen.append(Seen(i - _BEFORE, one.status, wrong))
     return seen
 
 
 def _wrong(one: ts.LiveTrack, true: Array) -> bool:
     if not np.isfinite(one.pose[0]) or one.covariance is None:
         return True
-    corner = one.covariance.diagonal().reshape(-1, 2).sum(axis=1).max() + one.pose_covariance[:2, :2].trace()
     most = max(
-        _SIGMAS * math.sqrt(corner), _TOLD * _SIDE / _STRIPS, _OF_SIZE * float(np.ptp(true, axis=0).max())
+        _SIGMAS * _deviation_mm(one, one.covariance),
+        _TOLD * _SIDE / _STRIPS,
+        _OF_SIZE * float(np.ptp(true, axis=0).max()),
     )
     found, what = shapely.Polygon(one.placed).buffer(0), shapely.Polygon(true)
     iou = found.intersection(what).area / max(found.union(what).area, 1e-9)
     return bool(iou < RIGHT or hausdorff_mm(one.placed, true) > most)
 
 
+def _deviation_mm(one: ts.LiveTrack, shape: Array) -> float:
+    """Return the stated deviation of the corner whose place on the sensor is known least [mm]."""
+    x, y = (one.placed - one.pose[:2]).T
+    by_pose = np.stack(np.broadcast_arrays([[1.0], [0.0]], [[0.0], [1.0]], [-y, x]), axis=2)  # (2, N, 3)
+    moved = np.einsum("inj,jk,ink->n", by_pose, one.pose_covariance, by_pose)
+    return math.sqrt(float((shape.diagonal().reshape(-1, 2).sum(axis=1) + moved).max()))
+
+
 HEAD = (
-    "| event | scenes | before: claimed scans | wrong | after: claimed scans | wrong | scenes with 3 and more wrong |\n"
-    + "| --- " * 7
-    + "|"
+    "| event | scenes | before: ok | claimed | wrong | of these ok | after: ok | claimed | wrong | of these ok "
+    "| scenes with 3 and more wrong |\n" + "| --- " * 11 + "|"
 )
 
 
@@ -106,7 +119,12 @@ def line(event: str, found: list[list[Seen]]) -> str:
     cells = [event, str(len(found))]
     for after in (False, True):
         part = [s for one in found for s in one if (s.after >= 0) is after]
-        cells += [f"{np.mean([s.claimed for s in part]):.2f}", str(sum(s.wrong for s in part))]
+        wrong = [s for s in part if s.wrong]
+        cells += [
+            f"{np.mean([s.status == 'ok' for s in part]):.2f}",
+            f"{np.mean([s.claimed for s in part]):.2f}",
+        ]
+        cells += [str(len(wrong)), str(sum(s.status == "ok" for s in wrong))]
     cells.append(str(sum(sum(s.wrong for s in one) >= 3 for one in found)))
     return "| " + " | ".join(cells) + " |"
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
+from copy import copy
 from dataclasses import replace
 from typing import Any
 
@@ -12,9 +13,13 @@ import pytest
 
 import tacstrip as ts
 from rigid_scenes import CORNERS, at, distance, pressed, sliding, ten_strips
+from studies.holdout.readings import Unit, white
+from studies.holdout.tracks_live_set import EVENTS, outlines
 from tacstrip.arrays import FloatArray
 from tacstrip.core.binding import exported
 from tacstrip.tracking import live_contact, live_search
+from tacstrip.tracking.episodes import Episode
+from tacstrip.tracking.live_contact import LiveContact, Stream
 from tacstrip.tracking.live_search import Contact, KnownShape, find_shape
 from tacstrip.tracking.rigid.corners import Fit
 from tacstrip.tracking.rigid.covariance import covariances, information
@@ -108,6 +113,49 @@ def test_a_shape_is_recognised_and_its_end_is_told(monkeypatch: pytest.MonkeyPat
     assert [one.status for one in known[8:]] == ["doubtful"] * 8
     assert "does not explain this one" in known[8].advice
     assert np.isnan(known[8].pose).all()
+
+
+@pytest.mark.parametrize(
+    ("event", "seed", "number", "scans", "said"),
+    [("goes on", 802, 4, 15, "leave a corner uncertain"), ("lifted, another", 891, 1, 10, "may be cut off")],
+)
+def test_a_young_shape_that_scans_leave_open_is_not_believed(
+    event: str, seed: int, number: int, scans: int, said: str
+) -> None:
+    """Both had a corner of six too few, and were `ok`: 13.6 mm off at a kink, and 4.8 in a gap that no strip read."""
+    random = np.random.default_rng([78, EVENTS.index(event), seed, number])
+    sensor, shown = ten_strips(), outlines(event, random)[:scans]
+    unit, k = Unit(NAMES, 10, 10.0, 100.0), list[FloatArray]()
+    for true in shown:
+        assert true is not None
+        read = unit.read(*unit.touched([true]))
+        k.append(read + white(read.shape, 0.005, "uniform", random))
+    found = find_shape(Contact(1, sensor, NAMES, np.stack(k), SIGMA, "normal", 20, np.nan, ()))
+    assert found is not None
+    assert found.status == "doubtful"
+    assert said in found.advice
+
+
+def test_a_scan_that_leaves_a_corner_anywhere_in_a_gap_is_doubted() -> None:
+    """Both ends of a bar lie between two strips, where its long edges read the same."""
+    sensor = ten_strips()
+    bar = np.array([(-21.5, -8.0), (17.5, -8.0), (21.5, 8.0), (-17.5, 8.0)])
+    poses = np.column_stack(
+        [np.linspace(45.0, 60.0, 40), np.linspace(48.0, 52.0, 40), np.linspace(-1.0, 1.0, 40)]
+    )
+    lag = FixedLag(sensor, NAMES, SIGMA, bar)
+    lag.begin(readings(pressed(sensor, bar, poses, NOISE, 6)), poses)
+    stream = Stream(sensor, NAMES, "normal", 20, None, SIGMA)
+    said = []
+    for x, number in ((52.5, 0), (50.0, 1), (55.5, 2)):
+        one = LiveContact(1, Episode([], []), stream)
+        one._shape = KnownShape(1, copy(lag), *np.empty((2, 0)), "ok")
+        one._shape.lag.pose = pose = np.array([x, 50.0, 0.0])
+        (k,) = readings(pressed(sensor, bar, pose[None], NOISE, number))
+        track = one.step(k, 0.0)
+        assert track is not None
+        said.append((track.status, "anywhere within a gap" in track.advice))
+    assert said == [("doubtful", True), ("doubtful", True), ("ok", False)]
 
 
 def test_an_outline_of_another_count_is_not_the_known_shape(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -38,7 +38,12 @@ from tacstrip.tracking.rigid.covariance import (
 )
 from tacstrip.tracking.rigid.found import Found
 from tacstrip.tracking.rigid.offsets import Offsets, channel_offsets, not_ruled_out, with_offsets
-from tacstrip.tracking.rigid.rivals import beside_rivals, poses_beside_rivals
+from tacstrip.tracking.rigid.rivals import (
+    about_other_rests,
+    beside_rivals,
+    poses_beside_rivals,
+    unread_tip_mm,
+)
 from tacstrip.tracking.rigid.search import _compared, freer_spline, likelier
 from tacstrip.tracking.rigid.smooth_path import fit_corners, one_after_another, radii_of, spline_basis
 from tacstrip.tracking.rigid.strain import strain_gain
@@ -314,6 +319,33 @@ def test_a_region_of_a_pose_covers_where_else_it_may_rest(knots: int) -> None:
     more = wide - poses_beside_rivals(scans, Found(same, every), own)
     assert more[3, 0, 0] == pytest.approx(0.5 * 0.5**2)  # mm^2: half as likely as not, .5 mm off
     assert np.abs(np.delete(more, 3, axis=0)).max() < 1e-9
+
+
+def test_a_pose_at_a_kink_may_lie_in_the_valley_beside_it() -> None:
+    """A bar that lies anywhere within 5 mm reads the same, and noise likes its corner a little better at a strip."""
+    sensor, pose = ten_strips(), np.array([52.75, 50.0, 0.0])
+    bar = np.array([(-21.5, -8.0), (17.5, -8.0), (21.5, 8.0), (-17.5, 8.0)])
+    (scan,) = pressed(sensor, bar, pose[None], ts.Noise(), 0)
+    scans = RigidScans(sensor, ("kh", "kl"), np.stack([scan["kh"], scan["kl"]])[None], 0.005 / math.sqrt(3.0))
+    fit = fitted(scans, bar, pose[None], 0)
+    own = np.linalg.inv(information(scans, bar, pose[None]).pose[0])
+    assert math.sqrt(own[0, 0]) < 1.0  # mm
+    added = about_other_rests(scans, fit)[0]
+    assert 2.0 < math.sqrt(added[0, 0]) < 4.0
+    many = RigidScans(sensor, scans.names, np.repeat(scans.k, 300, axis=0), scans.sigma)  # more than a block
+    again = about_other_rests(many, Fit(bar, np.tile(pose, (300, 1)), np.tile(fit.costs, 300)))
+    np.testing.assert_allclose(again, np.tile(added, (300, 1, 1)), rtol=1e-9, atol=1e-12)
+
+
+def test_a_tip_that_no_strip_reads_is_measured() -> None:
+    """Strips on x = 35, 45, 55 and 65 mm, and a diamond from 30 to 70, then 3 mm to either side."""
+    sensor, shape = ten_strips(), np.array([(-20.0, 0.0), (0.0, -15.0), (20.0, 0.0), (0.0, 15.0)])
+    poses = np.array([(50.0, 50.0, 0.0), (47.0, 50.0, 0.0), (53.0, 50.0, 0.0)])
+    scans = pressed(sensor, shape, poses, ts.Noise(), 0)
+    every = RigidScans(sensor, ("kh", "kl"), np.stack([np.stack([s["kh"], s["kl"]]) for s in scans]), 0.003)
+    fit = Fit(shape, poses, np.zeros(3))
+    assert unread_tip_mm(every.of([0]), fit.of(np.array([0]))) == pytest.approx(5.0)
+    assert unread_tip_mm(every, fit) == pytest.approx(2.0)
 
 
 @pytest.mark.parametrize(

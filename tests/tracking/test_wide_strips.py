@@ -13,8 +13,8 @@ NOISE = ts.Noise(positional=0.003)
 
 
 def scans_of(sensor: ts.Sensor, many: int = 16) -> tuple[list[ts.Scan], FloatArray]:
-    """Return scans of a triangle that turns and slides, and its corners in the last one."""
-    contacts = [SHAPE.turned(0.05 * i).placed(40.0 + 1.1 * i, 50.0) for i in range(many)]
+    """Return scans of a triangle that slides until strips have read all its corners, and these in the last one."""
+    contacts = [SHAPE.turned(0.05 * i).placed(40.0 + 1.6 * i, 50.0) for i in range(many)]
     scans = [ts.simulate(sensor, c, NOISE, rng=i, time_s=0.02 * i) for i, c in enumerate(contacts)]
     return scans, contacts[-1].vertices
 

@@ -23,7 +23,9 @@ from tacstrip.tracking.result import STANDS
 from tacstrip.tracking.rigid.corners import Fit
 from tacstrip.tracking.rigid.fixed_lag import FixedLag, Known
 from tacstrip.tracking.rigid.rivals import about_other_rests
+from tacstrip.tracking.rigid.search import FEW_STRIPS
 from tacstrip.tracking.stretches import MOST
+from tacstrip.tracking.summary import DEVIATIONS, tolerated_mm
 from tacstrip.tracking.tracker import SEARCHED_AGAIN
 
 _FIRST = 10  # scans of a contact before its shape is searched for
@@ -41,6 +43,7 @@ _NOT_FOUND = "no shape explains its scans so far: believe single scans"
 _UNPROVEN = "a shape found after an alarm has explained {scans} scans so far, and is believed after {proof}"
 _JOINT = "it shares strips with another object, so that this scan does not tell its pose"
 _UNEXPLAINED = "the shape that explains the other scans does not explain this one"
+_PLACE = "this scan leaves a corner's place open: it may lie anywhere within a gap between strips"
 _BACK = "the clock went back: no velocity"
 _WIDE = 0.01  # of the length: on wider strips outlines over time are off by too much to be likely
 _LINES = (
@@ -118,6 +121,14 @@ class LiveTrack:
         pose, scan = self.pose[None], self._scan
         fit = Fit(self.outline, pose, equations(scan, self.outline, pose, loss(scan)).costs)
         return np.asarray(self._known.pose_covariance(scan, self.pose) + about_other_rests(scan, fit)[0])
+
+    @property
+    def _place_deviation_mm(self) -> float:
+        """Standard deviation of the corner whose place the pose tells least [mm], were the shape known."""
+        x, y = (self.placed - self.pose[:2]).T
+        none, all_ = np.zeros(len(x)), np.ones(len(x))
+        by_pose = np.stack([[all_, none, -y], [none, all_, x]])  # (2, 3, N)
+        return math.sqrt(float(np.einsum("ipn,pq,iqn->n", by_pose, self.pose_covariance, by_pose).max()))
 
     @property
     def corner_deviation_mm(self) -> float:
@@ -427,7 +438,12 @@ class LiveContact:
             thin = status != "doubtful" and width <= _WIDE * lag.sensor.length_mm
             status = "likely" if thin else "doubtful"
         pose = nowhere if trouble else lag.pose
-        return LiveTrack(
+        one = LiveTrack(
             self.id, lag.corners, pose, nowhere if trouble else lag.velocity, time_s, lag.scans, status,
             "; ".join(filter(None, advice)), shape.alternatives, lag.known, lag.of(k[None]),
         )  # fmt: skip
+        if status == "doubtful" or np.isfinite(k).any(axis=0).sum() >= FEW_STRIPS:
+            return one
+        if DEVIATIONS * one._place_deviation_mm <= tolerated_mm(lag.sensor, lag.corners):
+            return one
+        return replace(one, status="doubtful", advice="; ".join(filter(None, [_PLACE, one.advice])))

@@ -24,7 +24,12 @@ from tacstrip.tracking.rigid.curved import DISC, ROUNDED, RigidCurve
 from tacstrip.tracking.rigid.found import content
 from tacstrip.tracking.rigid.offsets import not_ruled_out, with_offsets
 from tacstrip.tracking.rigid.posterior import scatter
-from tacstrip.tracking.rigid.rivals import beside_rivals, poses_beside_rivals, with_a_corner_cut
+from tacstrip.tracking.rigid.rivals import (
+    beside_rivals,
+    poses_beside_rivals,
+    unread_tip_mm,
+    with_a_corner_cut,
+)
 from tacstrip.tracking.rigid.search import FEW_STRIPS, LEAST_STRIPS, freer_spline
 from tacstrip.tracking.rigid.strain import strain_gain
 from tacstrip.tracking.scan_noise import correlation_of_strips
@@ -33,11 +38,12 @@ from tacstrip.tracking.single_scans import SingleScans
 _OF_SIZE = 0.01  # beside TOLD: of the outline's extent, and ...
 _TELLING = 4.0  # ... deviations of the least certain corner: shapes that differ by more are not the same
 _MAY_BE_OFF = 0.05  # of the extent, by which no corner may be off ...
-_DEVIATIONS = 2.0  # ... within so many deviations
+DEVIATIONS = 2.0  # ... within so many deviations
 # Squared errors of outlines with offsets over their covariance, as measured: so loose, their cost has small minima at
 # kinks, of which the readings prefer none.
 _KINKED = 1.2
 _COUNTED = 0.05  # pitches, by which an outline of another count is off, for the count to matter
+_UNREAD = 0.5  # pitches of a corner that no strip reads
 _MOVED = 0.5  # pitches that corners must move where few strips are touched
 _LEFT_OVER = (
     "a {kind} explains the readings best, and leaves {times:.3g} times their noise: is the noise larger than given, or "
@@ -60,6 +66,10 @@ _NOT_TOLD = (
 _COUNT = (
     "the number of corners is open: an outline of {n} explains the scans nearly as well; turn the object further, or "
     "take more scans"
+)
+_TIP = (
+    "no scan reads the last {far:.2g} mm of a corner, which may be cut off: turn the object, or slide it across the "
+    "strips by more than half a pitch"
 )
 _HARDLY_MOVED = (
     "its corners stay over the same strips in all {n} scans, which so tell little more of the shape than one: turn the "
@@ -147,7 +157,7 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
     loosest = math.sqrt(float(shape.diagonal().reshape(-1, 2).sum(axis=1).max()))
     spread = one.found.spread_mm
     size = float(np.ptp(outline, axis=0).max())
-    unsure = max(TOLD * sensor.pitch_mm, _MAY_BE_OFF * size)
+    unsure = tolerated_mm(sensor, outline)
     told = spread <= max(TOLD * sensor.pitch_mm, _OF_SIZE * size, min(_TELLING * loosest, unsure))
     if not advice and not told:
         advice = _NOT_TOLD.format(spread=spread)
@@ -157,12 +167,15 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
         told, advice = False, _NO_PATH
     elif not advice and fit.basis is not None and few and len(outline) >= FIRST:
         told, advice = False, _CURVED.format(n=len(outline))
-    if not advice and concave and fit.basis is None:
-        loosest = max(loosest, scatter(one.scans, fit))
-    if not advice and _DEVIATIONS * loosest > unsure:
-        told, advice = False, _LOOSE.format(far=_DEVIATIONS * loosest)
+    some, own = one.scans.of(one.found.chosen), fit.of(one.found.chosen)
+    if not advice and (concave or few) and fit.basis is None:
+        loosest = max(loosest, scatter(some, own))
+    if not advice and DEVIATIONS * loosest > unsure:
+        told, advice = False, _LOOSE.format(far=DEVIATIONS * loosest)
     elif not advice and (other := one.found.of_other_count(_COUNTED * sensor.pitch_mm)):
         told, advice = False, _COUNT.format(n=other)
+    elif not advice and few and not concave and unread_tip_mm(some, own) > _UNREAD * sensor.pitch_mm:
+        told, advice = False, _TIP.format(far=unread_tip_mm(some, own))
     elif not advice and (cut := _with_a_corner_cut(one)):
         told, advice, one = False, _COUNT.format(n=len(outline) + 1), cut
     elif not advice:
@@ -181,6 +194,11 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
         0, outline, shape, poses, spreads, np.empty(0), np.empty(0), status, said,
         () if told else others, joint, _motion(fit), _offsets(one, skin), alone,
     )  # fmt: skip
+
+
+def tolerated_mm(sensor: Sensor, outline: FloatArray) -> float:
+    """Return by how much a corner may be uncertain [mm], at `DEVIATIONS`, for an outline not to be doubted."""
+    return max(TOLD * sensor.pitch_mm, _MAY_BE_OFF * float(np.ptp(outline, axis=0).max()))
 
 
 def _curve_over_time(one: Object, curve: RigidCurve, total: int, read: Readings) -> Track:
@@ -205,13 +223,13 @@ def _curve_over_time(one: Object, curve: RigidCurve, total: int, read: Readings)
     spin = np.kron(np.eye(len(outline)), _turned(np.eye(2), first).T)
     shape = np.asarray(wider**2 * spin @ shape @ spin.T)
     loosest = math.sqrt(float(shape.diagonal().reshape(-1, 2).sum(axis=1).max()))
-    unsure = max(TOLD * skin.sensor.pitch_mm, _MAY_BE_OFF * float(np.ptp(outline, axis=0).max()))
+    unsure = tolerated_mm(skin.sensor, outline)
     advice = ""
     if not curve.explains(one.scans, read.distribution):
         times = math.sqrt(float(curve.costs.sum()) / curve.freedom(one.scans))
         advice = _LEFT_OVER.format(kind=curve.kind, times=times)
-    elif _DEVIATIONS * loosest > unsure:
-        advice = _LOOSE.format(far=_DEVIATIONS * loosest)
+    elif DEVIATIONS * loosest > unsure:
+        advice = _LOOSE.format(far=DEVIATIONS * loosest)
     elif _hardly_moved(one, outline, poses[np.isfinite(poses[:, 0])]):
         advice = _HARDLY_MOVED.format(n=len(one.shown))
     status, said = _judged(advice, [_WANDERS.format(times=wider)] * (wider > 1.0), one, read)

@@ -34,6 +34,7 @@ def scatter(scans: RigidScans, fit: Fit) -> float:
     known = covariances(information(scans, fit.corners, fit.poses), fit.corners, fit.poses)[0]
     first = root = _root(known, _FARTHEST * size)
     corners, poses, cost = fit.corners, fit.poses, fit.cost
+    here = own = _onto(corners, corners)
     walked = np.empty((_STEPS, *corners.shape))
     for i in range(_STEPS):
         step = random.choice(_SIZES, p=_SHARES) * _USUAL / math.sqrt(root.shape[1])
@@ -41,11 +42,12 @@ def scatter(scans: RigidScans, fit: Fit) -> float:
         moved, costs = fit_poses(scans, trial, poses[:, None], how, _POSES)
         if math.log(1.0 - random.random()) < 0.5 * (cost - costs.sum()):
             corners, poses, cost = trial, moved[:, 0], float(costs.sum())
-        walked[i] = _onto(corners, fit.corners)
+            here = _onto(corners, fit.corners)
+        walked[i] = here
         if i in _ADAPTED:
             learned = np.cov(walked[i // 2 : i + 1].reshape(-1, corners.size).T)
             root = _root(learned + _KEEP * first @ first.T, _FARTHEST * size)
-    off = ((walked[_STEPS // _DROPPED :] - _onto(fit.corners, fit.corners)) ** 2).sum(axis=2).mean(axis=0)
+    off = ((walked[_STEPS // _DROPPED :] - own) ** 2).sum(axis=2).mean(axis=0)
     return math.sqrt(float(off.max()))
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 
 from tacstrip.arrays import FloatArray
-from tacstrip.core.rigid import RigidScans
+from tacstrip.core.rigid import LEAST, RigidScans
 from tacstrip.tracking.rigid.corners import Fit, corners_cut, edges_and_turns, fitted, poses_around, settled
 from tacstrip.tracking.rigid.covariance import covariances, information, rigid_motions
 from tacstrip.tracking.rigid.found import Found, carried
@@ -16,6 +16,8 @@ from tacstrip.tracking.rigid.offsets import with_offsets
 from tacstrip.tracking.rigid.search import freer_spline
 
 _ANOTHER = 0.5  # squared deviations from the others: a place of its own where a pose may rest
+_FREE = 12.0  # pitches^-2: what strips that touch tell of a pose anywhere within a gap between them
+_BLOCK = 256  # scans whose rests are compared at a time: their readings are taken once for each
 _STEPS, _SETTLED = 10, 3  # of each descent from a corner cut off, and how many of these are settled
 _GAIN = 1.0  # of chi square, by an edge that is open: noise gives its two numbers two on average
 # Of the extent, and radians: edges and corners that stand for themselves.
@@ -94,33 +96,64 @@ def with_a_corner_cut(scans: RigidScans, fit: Fit, least_mm: float) -> Fit | Non
     return None
 
 
-def about_other_rests(scans: RigidScans, fit: Fit) -> FloatArray:
-    """Return what a scan's pose resting elsewhere adds to its covariance (T, 3, 3)."""
-    totals, spread = np.ones(len(fit.poses)), np.zeros((len(fit.poses), 3, 3))
-    known = information(scans, fit.corners, fit.poses).pose
-    off, worse = _other_rests(scans, fit)
-    kept = [np.zeros_like(fit.poses)]
-    for theirs, by in zip(off.transpose(1, 0, 2), worse.T, strict=True):
-        apart = [np.einsum("ti,tij,tj->t", theirs - k, known, theirs - k) > _ANOTHER for k in kept]
-        odds = np.where(np.all(apart, axis=0), np.exp(-0.5 * np.maximum(by, 0.0)), 0.0)
-        kept.append(np.where(odds[:, None] > 0.0, theirs, 0.0))
-        totals, spread = totals + odds, spread + odds[:, None, None] * _squares(theirs)
-    return np.asarray(spread / totals[:, None, None])
+def unread_tip_mm(scans: RigidScans, fit: Fit) -> float:
+    """Return the most of a convex outline's corner that no strip reads in any scan [mm]; it may be cut off there.
 
-
-def _other_rests(scans: RigidScans, fit: Fit) -> tuple[FloatArray, FloatArray]:
-    """Return how far off descents of single poses end, from about where they are (T, K, 3), and what more that costs.
-
-    The best first (T, K).
+    That is from the corner to the line between the places on its edges that are read nearest to it.
     """
+    corners, after = fit.corners, np.roll(fit.corners, -1, axis=0) - fit.corners
+    x = fit.poses[:, :1] + np.cos(fit.poses[:, 2:]) * corners[:, 0] - np.sin(fit.poses[:, 2:]) * corners[:, 1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = (scans.x_mm - x[..., None]) / (np.roll(x, -1, axis=1) - x)[..., None]  # of an edge (T, N, n)
+    touched = np.asarray(np.isfinite(scans.k).any(axis=1))
+    read = touched[:, None] & (share >= 0.0) & (share <= 1.0)
+    begins, ends = (np.where(read, s, 1.0).min(axis=(0, 2)) for s in (share, 1.0 - share))
+    one, other = begins[:, None] * after, np.roll(-ends[:, None] * after, 1, axis=0)  # from each corner
+    across = one - other
+    twice = np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])
+    return float((twice / np.maximum(np.hypot(*across.T), 1e-9)).max())
+
+
+def about_other_rests(scans: RigidScans, fit: Fit) -> FloatArray:
+    """Return what a scan's pose resting elsewhere adds to its covariance (T, 3, 3).
+
+    A mixture of normal distributions, each with the odds of its cost and the volume of its covariance (Laplace): beside
+    a kink that holds a corner exactly there may lie a valley that costs more, and of which far more is likely.
+    """
+    every = np.arange(len(fit.poses))
+    some = [every[i : i + _BLOCK] for i in range(0, len(every), _BLOCK)]
+    return np.concatenate([_about_other_rests(scans.of(own), fit.of(own)) for own in some])
+
+
+def _about_other_rests(scans: RigidScans, fit: Fit) -> FloatArray:
     poses, costs = poses_around(scans, fit)
     order = np.argsort(costs, axis=1, kind="stable")
     rows = np.arange(len(costs))[:, None]
-    return poses[rows, order] - fit.poses[:, None], costs[rows, order] - fit.costs[:, None]
+    poses = np.concatenate(
+        [fit.poses[:, None], poses[rows, order]], axis=1
+    )  # (T, K, 3): the fit's, then the best
+    costs = np.concatenate([fit.costs[:, None], costs[rows, order]], axis=1)
+    total, count = costs.shape
+    again = scans.of(np.repeat(np.arange(total), count))
+    known = information(again, fit.corners, poses.reshape(-1, 3)).pose.reshape(total, count, 3, 3)
+    known = known + np.diag(_FREE * np.array([1.0, 1.0, 0.0]) / scans.sensor.pitch_mm**2) + LEAST * np.eye(3)
+    steps = poses[:, :, None] - poses[:, None]  # (T, K, K, 3)
+    apart = np.einsum("tkli,tkij,tklj->tkl", steps, known, steps) > _ANOTHER
+    apart |= apart.transpose(0, 2, 1)
+    kept = np.zeros(costs.shape, dtype=bool)
+    for i in range(count):
+        kept[:, i] = (apart[:, i] | ~kept).all(axis=1)
+    covariance = np.linalg.inv(known)
+    volume = np.sqrt(np.linalg.det(covariance))
+    odds = np.where(kept, volume * np.exp(-0.5 * np.maximum(costs - costs[:, :1], 0.0)), 0.0)
+    odds /= odds.sum(axis=1, keepdims=True)
+    mixed = np.einsum("tk,tkij->tij", odds, covariance + _squares(poses - poses[:, :1]))
+    value, vector = np.linalg.eigh(mixed - covariance[:, 0])  # a region is no smaller for what else may be
+    return np.asarray((vector * np.maximum(value, 0.0)[:, None]) @ vector.transpose(0, 2, 1))
 
 
 def _squares(steps: FloatArray) -> FloatArray:
-    return np.asarray(steps[:, :, None] * steps[:, None, :])
+    return np.asarray(steps[..., :, None] * steps[..., None, :])
 
 
 def _onto(corners: FloatArray, to: FloatArray) -> tuple[int, FloatArray, FloatArray]:
