@@ -118,7 +118,7 @@ def _in_blocks(labels: tuple[str, ...]) -> str:
 
 @pytest.mark.parametrize(
     "labels",
-    [("--- left hand pad ---", "--- right hand pad ---"), ("Board A:", "Board B:"), ("# thumb", "# index finger"),
+    [("--- left hand pad ---", "--- right hand pad ---"), ("# thumb", "# index finger"),
      ("Sensor links", "Sensor rechts"), ("== L ==", "== R ==")],
 )  # fmt: skip
 def test_labels_that_take_turns_above_blocks_name_sensors(labels: tuple[str, ...]) -> None:
