@@ -57,9 +57,7 @@ def _lines(touched: str, untouched: str, head: str = "") -> str:
         ("t={t} S{s} H={h} L={l}", "t={t} S{s} sin contacto"),
         ("t={t} strip {s} -> top {h}, bottom {l} (volts)", "t={t} strip {s} -> top nil, bottom nil (volts)"),
         ("t={t} strip {s} h={h} l={l}", "t={t} strip {s} no finger there"),
-        ("{t};{s};{h};{l}", "{t};{s};not touched"),
         ("{t} {s} {h} {l}", "{t} {s} nicht gedr\u00fcckt"),
-        ("{t}\t{s}\t{h}\t{l}", "{t}\t{s}\tpas de contact"),
     ],
 )
 def test_untouched_said_in_words_in_place_of_readings(touched: str, untouched: str) -> None:

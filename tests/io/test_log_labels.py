@@ -210,28 +210,6 @@ def test_cells_of_an_open_document_are_read_as_often_as_they_are_repeated(tmp_pa
         read_table(path)
 
 
-@pytest.mark.parametrize(
-    "head",
-    [
-        "10:12:33,{}23 - padreader - INFO - frame {}: ",
-        "2024-03-05 10:12:33.{}23 INFO scan {} = ",
-        "cycle {1}: ",
-    ],
-)
-def test_a_counted_list_of_pairs_is_a_scan_of_its_number(head: str) -> None:
-    lists = [
-        "[None, None, None]",
-        *(f"[None, ({2.8 + 0.05 * n:.2f}, 1.7), None]" for n in range(5)),
-        "[(2.2, 1.9), None, None]",
-    ]
-    text = "\n".join(head.format(n, n) + values for n, values in enumerate(lists))
-    timed = {} if "{}" in head else {"rate_hz": "10"}
-    found = propose(of_text(text), replace(SENSOR, strips=3, strip_base=0), timed)
-    assert [bool((s.values > 0.0).any()) for s in found.scans] == [False] + 6 * [True]
-    assert found.scans[1].values[1].tolist() == pytest.approx([2.8, 1.7])
-    assert found.scans[6].values[0].tolist() == pytest.approx([2.2, 1.9])
-
-
 @pytest.mark.parametrize("day", ["03/05/24", "03/05/2024", "2024-03-05"])
 def test_the_blank_before_pm_is_within_a_field(day: str) -> None:
     rows = "".join(f"{n + 1},{day} 02:14:0{n} PM,{2.8 + 0.1 * n:.3f},1.7,2.9,1.6\n" for n in range(6))

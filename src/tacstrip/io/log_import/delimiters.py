@@ -1,4 +1,4 @@
-"""Lines that say where a scan begins and ends, topics before what is sent, and marks between values."""
+"""What a logger puts before the record of each line, and topics before what is sent."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a program printed as it is: Python's and NumPy's lists, MATLAB's and Octave's matrices in pages."""
+"""What a program printed as it is: lists and records of Python and NumPy, lists of Mathematica and C."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import ast
 import re
 from typing import Any
 
-from tacstrip.io.log_import.fields import STAMP, is_prose
+from tacstrip.io.log_import.fields import is_prose
 
 _WRAPPED = re.compile(
     r"\b(?:np\.|numpy\.)?(?:array|float\d*|u?int\d*|deque|tuple|list)\(((?:[^()]|\([^()]*\))*?)(?:,\s*dtype=[\w.']+)?\)"
@@ -15,11 +15,6 @@ _ASSIGNED = re.compile(r"\s*(?:>>>\s*)?(?:[A-Za-z_]\w*\s*=\s*)?(?=[\[({])")
 _REMARK = re.compile(r"\(\*.*?\*\)", re.DOTALL)  # of Mathematica
 _NONE = re.compile(r"(?<![\w'\"])[+-]?(?:nan|NaN|NAN|inf|Infinity|[nN]ull)(?![\w'\"])")
 _TIMED = re.compile(r"\A\s*(\d+(?:\.\d+)?)[\s:,;]+([\[(].*[\])])\s*\Z")  # a number before a list
-_COUNTED = re.compile(  # a logger's time and words, and a scan's number before a list of lists
-    rf"\A\s*(?:(?P<stamp>{STAMP})\b[^\[({{]*?\W)?(?:frame|scan|sweep|sample|cycle)\s*#?(?P<n>\d+)\s*[:=]\s*"
-    r"(?P<rest>[\[(].*[\[(].*[\])]|\[(?:\s*None\s*,?)+\])\s*\Z",
-    re.IGNORECASE,
-)
 _FEW = 2  # lists
 _DEEPEST = 400  # brackets in one line
 
@@ -49,21 +44,6 @@ def literal(text: str) -> Any:
         return None
 
 
-def _counted(line: str) -> str:
-    """Return a line such as "10:12:33 INFO frame 3: [None, (1.9, 1.8)]" as a record; another one as it is.
-
-    Examples
-    --------
-    >>> _counted("10:12:33 - INFO - frame 3: [None, (1.9, 1.8)]")
-    "{'time stamp': '10:12:33', 'scan': 3, 'values': [None, (1.9, 1.8)]}"
-    """
-    m = _COUNTED.match(line)
-    if m is None:
-        return line
-    stamp = f"'time stamp': '{m['stamp']}', " if m["stamp"] else ""
-    return f"{{{stamp}'scan': {int(m['n'])}, 'values': {m['rest']}}}"
-
-
 def literals(text: str) -> tuple[list[tuple[int, Any]], list[tuple[int, str]]]:
     r"""Return the containers that a text, or its lines, write in Python's form, with their lines; lines around them.
 
@@ -83,8 +63,7 @@ def literals(text: str) -> tuple[list[tuple[int, Any]], list[tuple[int, str]]]:
     found = [
         (i, value)
         for i, line in lines
-        if isinstance(value := literal(_TIMED.sub(r"(\1, \2)", _counted(line))), list | tuple | dict)
-        and value
+        if isinstance(value := literal(_TIMED.sub(r"(\1, \2)", line)), list | tuple | dict) and value
     ]
     first, last = (found[0][0], found[-1][0]) if found else (0, 0)
     there = {i for i, _ in found}

@@ -41,7 +41,6 @@ from tacstrip.io.log_import.statements import untouched_said
 from tacstrip.io.log_import.strays import numbered, with_retries, without, without_messages
 from tacstrip.io.log_import.table import Table
 from tacstrip.io.log_import.thousands import without_thousands
-from tacstrip.io.log_import.untouched import with_rows_of_nothing
 
 _COMMENT = ("#", "%", "//", "!")
 _REMARK = re.compile(r"(;|!|//)\s*[^\s;].*")  # above a table
@@ -165,7 +164,7 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
         table = replace(table, preamble=(*table.preamble, *remarked))
     else:
         blank = {i for i, line in every if not line.strip() or _RULE.fullmatch(line)}
-        table = separated(with_rows_of_nothing(lines), blank, path)
+        table = separated(lines, blank, path)
     table = with_cut_lines_doubted(without_cut_end(table, text))
     table = with_stamps(table, stamps, text, path) if stamps else table
     first = min(table.lines, default=0)
