@@ -27,9 +27,9 @@ def of_literals(text: str, path: str | Path) -> Table | None:
 
     None where it is none of these.
     """
-    inner, said = of_xml(text)
+    inner, comments = of_xml(text)
     if inner and (table := of_values(inner, path, "records in XML")) is not None:
-        return replace(table, preamble=(*said, *table.preamble))
+        return replace(table, preamble=(*comments, *table.preamble))
     if "[" not in text and "{" not in text and not _TUPLES.search(text):
         return None
     found, broken = _json(text, path) if text.lstrip()[:1] in ("{", "[") else ([], [])
