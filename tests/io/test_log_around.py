@@ -132,23 +132,6 @@ def test_dates_named_start_are_no_readings() -> None:
     check(read(["_start,_time,_value,strip", *rows]))
 
 
-def test_what_h5dump_prints() -> None:
-    def data(name: str, shape: str, rows: list[str]) -> str:
-        return (
-            f'DATASET "{name}" {{\n DATASPACE  SIMPLE {{ ( {shape} ) / ( {shape} ) }}\n DATA {{\n'
-            + ",\n".join(rows) + "\n }\n}\n"
-        )  # fmt: skip
-
-    times = ["(0): " + ", ".join(f"{0.5 * i:g}" for i in N)]
-    rows = [f"({i},0): " + ", ".join(f"{v:.3f}" for v in V[i]) for i in N]
-    text = (
-        'HDF5 "a.h5" {\nGROUP "/" {\n' + data("time_s", "8", times) + data("volts", "8, 3", rows) + "}\n}\n"
-    )
-    check(read(text))
-    with pytest.raises(ts.ReadingError, match="volts holds 21 numbers, and 8, 3 are said"):
-        read(text.replace(rows[-1], "").replace(",\n\n", "\n"))
-
-
 def test_a_ratio_above_1_is_in_percent() -> None:
     found = read(
         ["t_s,ratio 0,ratio 1,ratio 2", *(f"{0.5 * i}," + ",".join(f"{20 * v:.2f}" for v in V[i]) for i in N)]

@@ -155,25 +155,6 @@ def test_messages_among_a_loggers_lines() -> None:
     assert any("messages among the readings" in r and "Traceback" in r for r in found.reasons)
 
 
-def test_scans_beside_each_other_transposed_and_below_titles() -> None:
-    names = ",".join(f"s{s}_V" for s in range(5))
-    beside = [
-        f"{10 * n},{row(V[n], '.3f', ',')},{10 * n + 10},{row(V[n + 1], '.3f', ',')}" for n in SCANS[::2]
-    ]
-    turned = ["time (s),," + ",".join(f"{n / 10}" for n in SCANS)] + [
-        f"V_H [V],strip {s + 1},{row(V[:, s], '.3f', ',')}" for s in range(5)
-    ] + [f"V_L [V],strip {s + 1},{row(V[:, s] - 0.5, '.3f', ',')}" for s in range(5)]  # fmt: skip
-    blocks = [f"--- Scan {n} @ 12:00:0{n}.5 ---\nH {row(H[n])}\nL {row(L[n])}" for n in SCANS]
-    found = read("\n".join([f"t1_ms,{names},t2_ms,{names}", *beside]), ONE)
-    assert values(found)[:, :, 0] == pytest.approx(np.round(V, 3), nan_ok=True)
-    assert found.scans[-1].time_s - found.scans[0].time_s == pytest.approx(0.07)
-    found = read("\n".join(turned) + "\n", TWO)
-    assert values(found)[:, :, 1] == pytest.approx(np.round(V - 0.5, 3), nan_ok=True)
-    found = read("\n".join(blocks) + "\n", TWO)
-    assert np.nan_to_num(values(found)[:, :, 1]) == pytest.approx(L)
-    assert found.scans[1].time_s - found.scans[0].time_s == pytest.approx(1.0)
-
-
 def test_columns_of_one_name_are_named_as_the_pair() -> None:
     lines = [f"{n / 10},{row(V[n], '.3f', ',')}" for n in SCANS]
     # That strip 3 then lacks a column is asked in the same round.

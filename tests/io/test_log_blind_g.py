@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import tacstrip as ts
-from tacstrip.io.log_import.counted import without_totals
 from tacstrip.io.log_import.guess import propose
 from tacstrip.io.log_import.jumps import jump_of_all
 from tacstrip.io.log_import.questions import Unanswered
@@ -130,26 +129,6 @@ def strips(word: str, n: int, between: str, low: float = 0.0) -> str:
         for s in range(1, n + 1)
     ]
     return "\n".join(lines) + "\n"
-
-
-@pytest.mark.parametrize("between", ["/", " / ", " of ", " von ", " de ", " out of "])
-@pytest.mark.parametrize("word", ["strip", "Strip #", "Streifen", "taxel"])
-def test_a_number_with_its_total_is_a_number(word: str, between: str) -> None:
-    v = values(strips(word, 4, between).replace("# ", "#"), rate_hz="50")
-    assert v.shape == (4, 4, 2)
-    assert np.isnan(v[:, 0]).all()
-    assert v[2, 3].tolist() == [1504.0, 804.0]
-
-
-def test_pairs_of_readings_are_no_totals() -> None:
-    text = "".join(
-        f"{0.1 * n:.1f} " + " ".join(f"S{s} {2000 + 40 * n + s}/{1000 + 10 * n + s}" for s in range(4)) + "\n"
-        for n in range(5)
-    )
-    assert values(text, unit="code")[1, 2].tolist() == [2042.0, 1012.0]
-    for swept in ("strip {s} 3.0/{v:.1f}", "ratio {s}/5 {v:.2f}", "strip {s}/{s} {v:.2f}"):
-        text = "".join(swept.format(s=s, v=1.0 + 0.1 * n) + "\n" for n in range(4) for s in range(1, 5))
-        assert without_totals(text) == (text, "")
 
 
 @pytest.mark.parametrize("key", ["n", "nr", "idx", "id", "number"])

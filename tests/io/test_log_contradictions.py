@@ -69,7 +69,7 @@ def test_an_answered_rate_beside_a_time_is_used_or_named() -> None:
     assert any("50" in doubt for doubt in found.doubts)
     found = _read(_volts("t_ms"), rate_hz="30")
     assert found.mapping.time_unit == "ms"
-    assert any("rate_hz=30 is passed over" in doubt for doubt in found.doubts)
+    assert any("taken as it stands" in doubt for doubt in found.doubts)
     assert not _read(_volts("t_ms"), rate_hz="50").doubts
 
 

@@ -100,7 +100,7 @@ def test_codes_of_another_gain_are_read_with_its_factor(tmp_path: Path) -> None:
     np.testing.assert_allclose(imported(text, TWO, tmp_path, "scale=0.5"), 0.5 * K, atol=3e-4)
 
 
-def test_a_resolution_that_changes_is_asked_and_followed_by_line(tmp_path: Path) -> None:
+def test_a_resolution_that_changes_is_refused() -> None:
     ten, twelve = (log("", full).split("\n")[2:-1] for full in (1023.0, 4095.0))
     text = "\n".join(
         [
@@ -111,10 +111,8 @@ def test_a_resolution_that_changes_is_asked_and_followed_by_line(tmp_path: Path)
             *twelve[12:],
         ]
     )
-    assert asked(text + "\n") == {"adc_bits": ("lines", "10", "12")}
-    np.testing.assert_allclose(imported(text + "\n", TWO, tmp_path, "adc_bits=lines"), K, atol=6e-4)
-    sensor = replace(TWO, adc_bits=10)
-    np.testing.assert_allclose(imported(text + "\n", sensor, tmp_path, "adc_bits=lines"), K, atol=6e-4)
+    with pytest.raises(ts.ReadingError, match=r"line 1 says .* and line 15 "):
+        asked(text + "\n")
 
 
 @pytest.mark.parametrize(

@@ -45,10 +45,6 @@ def rows(form: str, nothing: str = "nan") -> str:
     )
 
 
-def matrix(values: np.ndarray, end: str = ";") -> str:
-    return "\n".join(" ".join(f(x, "NaN") for x in row) + end for row in values)
-
-
 def wide(nothing: str = "") -> list[str]:
     return [f"{t}," + ",".join(f(x, nothing) for i in N for x in (H[s, i], L[s, i])) for s, t in enumerate(T)]
 
@@ -59,17 +55,12 @@ FORMS = {
     "influx": "".join(f"skin,rig=B2,strip={i} vh={f(H[s, i], '0')},vl={f(L[s, i], '0')} {1763820000000000000 + round(1e9 * t)}\n" for s, t in enumerate(T) for i in N),
     "yaml of ROS": "---\n".join(f"header:\n  stamp:\n    sec: 1763820000\n    nanosec: {round(1e9 * t)}\nvh:\n" + "".join(f"- {f(x, '.nan')}\n" for x in H[s]) + "vl:\n" + "".join(f"- {f(x, '.nan')}\n" for x in L[s]) for s, t in enumerate(T)),
     "yaml of records": "".join(f"- time: {t}\n  strips:\n" + "".join(f"    - {{id: {i}, high: {f(H[s, i], 'null')}, low: {f(L[s, i], 'null')}}}\n" for i in N) for s, t in enumerate(T)),
-    "a script of MATLAB": f"fs = 20; % Hz\nt = (0:3)/fs;\nVH = [ ...\n{matrix(H)}\n];\nVL = [\n{matrix(L)}\n];\n",
-    "R's vectors": "$t\n[1] 0.00 0.05 0.10\n[4] 0.15\n" + "".join(f"$h{i}\n[1] {' '.join(f(x, 'NA') for x in H[:, i])}\n$l{i}\n[1] {' '.join(f(x, 'NA') for x in L[:, i])}\n" for i in N),
-    "R's dput": f"structure(list(t = c({', '.join(map(str, T))}), " + ", ".join(f"h{i} = c({', '.join(f(x, 'NA') for x in H[:, i])}), l{i} = c({', '.join(f(x, 'NA') for x in L[:, i])})" for i in N) + '), class = "data.frame", row.names = c(NA, -4L))',
     "html": "<table><tr>" + "".join(f"<th>{n}</th>" for n in HEAD.split(",")) + "</tr>" + "".join("<tr>" + "".join(f"<td>{c or '&nbsp;'}</td>" for c in row.split(",")) + "</tr>\n" for row in wide()) + "</table>",
     "latex": "\\begin{tabular}{rrrr}\n\\toprule\n$t$/s & strip & $v_h$/V & $v_l$/V \\\\\n\\midrule\n" + rows("{t} & {i} & {h} & {l} \\\\", "--") + "\\bottomrule\n\\end{tabular}",
     "sql": rows("INSERT INTO readings (t, strip, high, low) VALUES ({t}, {i}, {h}, {l});", "NULL"),
     "topics": rows("14:03:21.{ms:03d} lab/skin/{i}/high {h}\n14:03:21.{ms:03d} lab/skin/{i}/low {l}"),
     "pairs by strips": "".join(f"{t} s | #{s:03d} | {row}\n" for s, (t, row) in enumerate(zip(T, pairs(" | ", "S{i} {h}/{l}"), strict=True))),
-    "pairs in brackets": "".join(f"{t} {row}\n" for t, row in zip(T, pairs(" ", "({h},{l})"), strict=True)),
     "a journal": "".join(f"Nov 22 14:03:21.{round(1000 * t):03d} pi skin[81]: scan {s}: {row}\n" for s, (t, row) in enumerate(zip(T, pairs(" ", "{h}/{l}"), strict=True))),
-    "two tables": "Upper end (V)\nstrip \\ t(s),0.0,0.05,0.1,0.15\n" + "".join(f"{i},{','.join(f(x, '') for x in H[:, i])}\n" for i in N) + "\nLower end (V)\nstrip \\ t(s),0.0,0.05,0.1,0.15\n" + "".join(f"{i},{','.join(f(x, '') for x in L[:, i])}\n" for i in N),
     "side by side": "HIGH SIDE (U in V),,,,LOW SIDE (U in V),,,\nt [ms],S1,S2,S3,t [ms],S1,S2,S3\n" + "".join(f"{round(1000 * t)},{','.join(f(x, '') for x in H[s])},{round(1000 * t)},{','.join(f(x, '') for x in L[s])}\n" for s, t in enumerate(T)),
     "a module's inputs": "time,cDAQ1Mod1/strip0_hi,cDAQ1Mod1/strip0_lo,cDAQ1Mod2/strip1_hi,cDAQ1Mod2/strip1_lo,cDAQ1Mod2/strip2_hi,cDAQ1Mod2/strip2_lo\n" + "\n".join(wide()) + "\n",
     "another script": "\u65f6\u95f4(s)," + ",".join(f"\u901a\u9053{i}\u9ad8(V),\u901a\u9053{i}\u4f4e(V)" for i in N) + "\n" + "\n".join(wide()).translate({ord(c): ord(c) + 0xFEE0 for c in "0123456789."}) + "\n",
@@ -95,7 +86,6 @@ def test_a_dialect_gives_its_readings_without_a_question(form: str) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        (FORMS["a script of MATLAB"].replace("VH = [ ...", "VH = [ ...\nNaN NaN NaN;"), "is a row lost"),
         (FORMS["a word at both ends"].replace("OL", "sat"), "untouched=sat"),
         (FORMS["a word at both ends"].replace("OL", "2.2", 1), "untouched=OL"),  # of one end alone
         (HEAD + "\n".join(wide()).replace("1.262", "1262"), "1262"),
@@ -112,16 +102,3 @@ def test_a_line_between_even_scans_that_cannot_be_one_is_set_aside_with_a_warnin
     found = read("\n".join([HEAD.strip(), *wide()[:2], "h0 low 1.9", *wide()[2:]]))
     assert len(found.scans) == len(wide())
     assert "line 4 ('h0 low 1.9')" in found.doubts[0]
-
-
-@pytest.mark.parametrize("command", [">> for i=1:6, t(i), vh=VH(i,:), vl=VL(i,:), end\n\n", ""])
-def test_scans_that_matlab_displays(command: str) -> None:
-    scan = "ans =\n\n    {t:.4f}\n\n\nvh =\n\n   2.2{i}93      NaN   2.5480\n\n\nvl =\n\n   1.7255      NaN   1.6068\n\n\n"
-    text = command + "".join(scan.format(t=i / 10, i=i) for i in range(6))
-    two = ts.Sensor(construction="crs-crs", strips=3, pitch_mm=10.0, length_mm=50.0, vref_volt=5.0)
-    if not command:
-        with pytest.raises(Unanswered, match="ans"):
-            propose(of_text(text), two)
-    found = propose(of_text(text), two, {} if command else {"ans": "time"}).scans
-    assert [s.time_s for s in found] == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4, 0.5])
-    np.testing.assert_allclose(found[4].values[:, 0], [2.2493, np.nan, 2.548])

@@ -241,19 +241,6 @@ def test_numbers_that_are_shortened_are_not_doubted() -> None:
     assert not propose(of_text("\n".join(["t [s],s0,s1,s2,s3", *map(",".join, rows)])), ONE, {}).doubts
 
 
-def test_a_line_of_a_fixed_width_that_is_shorter_at_the_end_is_cut() -> None:
-    rows = [f"{n * 20:8}" + "".join(f"{1.2 + s / 10 + n / 100:10.3f}" for s in range(4)) for n in range(12)]
-    text = "\n".join(
-        [
-            "    t ms        s0        s1        s2        s3",
-            *(r if n % 3 else r[:-10] + " " * 10 for n, r in enumerate(rows)),
-        ]
-    )
-    found = propose(of_text(text[:-10]), ONE, {})
-    assert len(found.scans) == len(rows) - 1
-    assert any("left out: line 13" in doubt for doubt in found.doubts)
-
-
 @pytest.mark.parametrize("form", ["significant digits", "no leading 0"])
 def test_numbers_to_significant_digits_or_without_a_leading_0_are_not_damaged(form: str) -> None:
     values = [0.9120, 0.9871, 0.9900, 1.004, 0.9540, 0.9230, 0.9410, 0.9660, 0.9780, 0.9120]

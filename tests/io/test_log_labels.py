@@ -118,7 +118,7 @@ def _in_blocks(labels: tuple[str, ...]) -> str:
 
 @pytest.mark.parametrize(
     "labels",
-    [("--- left hand pad ---", "--- right hand pad ---"), ("Board A:", "Board B:"), ("# thumb", "# index finger"),
+    [("--- left hand pad ---", "--- right hand pad ---"), ("# thumb", "# index finger"),
      ("Sensor links", "Sensor rechts"), ("== L ==", "== R ==")],
 )  # fmt: skip
 def test_labels_that_take_turns_above_blocks_name_sensors(labels: tuple[str, ...]) -> None:
@@ -208,28 +208,6 @@ def test_cells_of_an_open_document_are_read_as_often_as_they_are_repeated(tmp_pa
     path.write_bytes(path.read_bytes()[:-30])
     with pytest.raises(ts.ReadingError, match="damaged"):
         read_table(path)
-
-
-@pytest.mark.parametrize(
-    "head",
-    [
-        "10:12:33,{}23 - padreader - INFO - frame {}: ",
-        "2024-03-05 10:12:33.{}23 INFO scan {} = ",
-        "cycle {1}: ",
-    ],
-)
-def test_a_counted_list_of_pairs_is_a_scan_of_its_number(head: str) -> None:
-    lists = [
-        "[None, None, None]",
-        *(f"[None, ({2.8 + 0.05 * n:.2f}, 1.7), None]" for n in range(5)),
-        "[(2.2, 1.9), None, None]",
-    ]
-    text = "\n".join(head.format(n, n) + values for n, values in enumerate(lists))
-    timed = {} if "{}" in head else {"rate_hz": "10"}
-    found = propose(of_text(text), replace(SENSOR, strips=3, strip_base=0), timed)
-    assert [bool((s.values > 0.0).any()) for s in found.scans] == [False] + 6 * [True]
-    assert found.scans[1].values[1].tolist() == pytest.approx([2.8, 1.7])
-    assert found.scans[6].values[0].tolist() == pytest.approx([2.2, 1.9])
 
 
 @pytest.mark.parametrize("day", ["03/05/24", "03/05/2024", "2024-03-05"])

@@ -88,15 +88,6 @@ def test_sentences_with_decimal_commas_and_commas_between() -> None:
     np.testing.assert_allclose(values[..., 0], np.where(OPEN, np.nan, HIGH), atol=0.006)
 
 
-def test_frames_of_pairs_in_a_comment_of_c() -> None:
-    lines = ["raw console log", "/* $ms;S1.H,S1.L;S2.H,S2.L;...;S4.H,S4.L (V) */"]
-    for n in range(N):
-        pairs = ["x,x" if OPEN[n, s] else f"{HIGH[n, s]:.3f},{LOW[n, s]:.3f}" for s in range(4)]
-        lines.append(f"/*{50 * n + 770};{';'.join(pairs)}*/")
-    values, _ = read("\n".join(lines))
-    np.testing.assert_allclose(values[..., 1], np.where(OPEN, np.nan, LOW), atol=1e-3)
-
-
 def test_a_settings_table_with_gains_of_one_asks_nothing() -> None:
     gains = ["Channel,Function,Range,Gain,Offset", *(f"{101 + s},DC voltage,10 V,1,0" for s in range(4))]
     names = "time [s]," + ",".join(f"{101 + s} <S{s + 1}> (VDC)" for s in range(4))
@@ -212,13 +203,3 @@ def test_sums_of_conversions_are_divided_by_how_many_the_log_says() -> None:
     assert (found.mapping.unit, found.mapping.scale) == ("code", 0.125)
     with pytest.raises(Unanswered, match="codes reach"):
         read("\n".join(log).replace(said, "# bench"), replace(PAD, adc_bits=10), rate_hz="10")
-
-
-def test_frames_whose_identifiers_follow_each_other_are_the_strips() -> None:
-    lines = ["# id 0x200+strip, data[0..1]=upper end, data[2..3]=ground end, big endian, mV; FFFF = open"]
-    for n in range(N):
-        for s in range(4):
-            pair = "FFFFFFFF" if OPEN[n, s] else f"{int(1000 * HIGH[n, s]):04X}{int(1000 * LOW[n, s]):04X}"
-            lines.append(f"({100 + 0.02 * n + 1e-4 * s:.6f}) can0 {0x200 + s:X}#{pair}")
-    values, _ = read("\n".join(lines))
-    np.testing.assert_allclose(values[..., 1] / 1000.0, np.where(OPEN, np.nan, LOW), atol=2e-3)

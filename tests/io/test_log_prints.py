@@ -32,42 +32,6 @@ def _assert_read(text: str, scale: float = 1.0, step_s: float = 0.05, **answers:
     assert np.array(times) - times[0] == pytest.approx(step_s * np.arange(_SCANS), abs=1e-6)
 
 
-def _volts(value: float) -> str:
-    return "NaN" if np.isnan(value) else f"{value / 1000:.3f}"
-
-
-@pytest.mark.parametrize(
-    "prompt",
-    [("In [11]:\nprint(df)   # volts\n\nOut[11]:\n", ""), (">>> print(df)\n", ">>> exit()\n"), ("", "")],
-)
-@pytest.mark.parametrize("cut", [2, 3, 5])
-def test_a_frame_that_pandas_folds(prompt: tuple[str, str], cut: int) -> None:
-    names = ["t_s", *(f"high_{s}" for s in range(3)), *(f"low_{s}" for s in range(3))]
-    rows = [
-        [f"{0.05 * n:.2f}", *(_volts(v) for end in (0, 1) for v in _MV[n, :, end])] for n in range(_SCANS)
-    ]
-    blocks = []
-    for begin, end in ((0, cut), (cut, len(names))):
-        fold = "  \\" if end < len(names) else ""
-        block = ["  " + "".join(f"{c:>8}" for c in names[begin:end]) + fold]
-        block += [
-            f"{n} " + "".join(f"{c:>8}" for c in row[begin:end]) + "   " * bool(fold)
-            for n, row in enumerate(rows)
-        ]
-        blocks.append("\n".join(block))
-    _assert_read(prompt[0] + "\n\n".join(blocks) + f"\n\n[6 rows x 7 columns]\n{prompt[1]}", 1e-3)
-
-
-@pytest.mark.parametrize("prompt", ["$ python3 dump.py\nVref = 5 V, volts\n", "In [4]: df\nOut[4]: \n", ""])
-def test_an_index_of_two_levels_that_pandas_leaves_out(prompt: str) -> None:
-    lines = ["              v_high   v_low", "t_s  strip                  "]
-    for n in range(_SCANS):
-        for s in range(_STRIPS):
-            first = f"{0.05 * n:.2f}" if s == 0 else ""
-            lines.append(f"{first:5}{s:<6}{_volts(_MV[n, s, 0]):>9}{_volts(_MV[n, s, 1]):>8}")
-    _assert_read(prompt + "\n".join(lines) + "\n\n[18 rows x 2 columns]\n", 1e-3)
-
-
 def _thousands(unit: str, end: str = "", step: str = "{}") -> str:
     def cell(value: float) -> str:
         return "none" if np.isnan(value) else f'"{value:,.0f}"' if value >= 1000 else f"{value:.0f}"

@@ -173,11 +173,6 @@ def _swinging(period: float, turns: bool = False) -> str:
     return "\n".join(lines) + "\n"
 
 
-@pytest.mark.parametrize("period", [2.05, 2.1, 3.05, 3.1, 3.9, 4.0, 4.1])
-def test_an_object_that_swings_is_no_sensors_in_turn(period: float) -> None:
-    assert len(read(_swinging(period)).scans) == 40
-
-
 @pytest.mark.parametrize("many", [2, 3, 4])
 def test_sensors_in_turn_that_drift_are_asked_beside_swings(many: int) -> None:
     assert "turn" in asked(_swinging(many, turns=True))

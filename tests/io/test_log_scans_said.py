@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import tacstrip as ts
-from tacstrip.io.log_import.delimiters import without_ends
 from tacstrip.io.log_import.guess import Proposal, propose
 from tacstrip.io.log_import.questions import Unanswered
 from tacstrip.io.log_import.text import of_text
@@ -67,26 +66,6 @@ def test_a_scan_below_its_number_is_left_out_whole_and_by_name() -> None:
     assert "from line(s) 12" in said
 
 
-def test_lines_begin_and_end_scans() -> None:
-    rows = each("I (1{n}00) skin: strip={s} vh={h:.3f}V vl={l:.3f}V")
-    scans = [
-        f"I (1{n}00) skin: scan {n} begin\n{body}\nI (1{n}03) skin: scan {n} end, {len(TOUCHED[n])} strips touched"
-        for n, body in enumerate(rows)
-    ]
-    text = "\n".join(["rst:0x1 (POWERON_RESET)", *scans])
-    check(read(text))  # milliseconds
-    lines = text.splitlines()
-    lost = read("\n".join(lines[:3] + lines[4:]), missing="untouched")
-    assert any("3 strips" in doubt and "has 2 line(s)" in doubt for doubt in lost.doubts)
-
-
-def test_empty_lines_part_scans_and_marks_stand_between_values() -> None:
-    blocks = ["strip: upper / lower", *each("{s}: {h:.3f} / {l:.3f} V")]
-    check(read("\n\n".join(blocks), rate_hz="10"))
-    apart = "\n".join(["strip h[V] & l[V]", *each("{s} {h:.3f} & {l:.3f}")])
-    check(read(apart, rate_hz="10"))
-
-
 def test_topics_and_dumps_number_strips() -> None:
     topics = each('{t:.3f} lab/skin/strip/{s} {{"vh":{h:.3f},"vl":{l:.3f},"unit":"V"}}')
     check(read("\n".join(topics)))
@@ -107,41 +86,3 @@ def test_lines_of_a_channel_each_are_of_touched_strips() -> None:
 def test_nanoseconds_since_1970_keep_their_digits() -> None:
     found = read("\n".join(["t_ns,strip,h[V],l[V]", *each("17726123450{n}0000000,{s},{h:.3f},{l:.3f}")]))
     np.testing.assert_allclose([s.time_s for s in found.scans], [0.0, 0.01, 0.02, 0.03, 0.04], atol=1e-12)
-
-
-def test_messages_and_a_sentence_are_passed_over_and_a_cut_first_line_is_named() -> None:
-    rows = [
-        f"{100 * n},{','.join(f'{h:.3f},{h - 0.6:.3f}' for h in np.nan_to_num(HIGH[n], nan=0.7))}"
-        for n in range(5)
-    ]
-    names = "ms," + ",".join(f"h{s}[V],l{s}[V]" for s in range(9))
-    text = [
-        "0.7,0.1,0.7",
-        names,
-        *rows[:2],
-        "[DBG] free heap 1422",
-        *rows[2:],
-        "[DBG] loop 33 ms",
-        "Scan 3 was a bit harder.",
-    ]
-    reasons = read("\n".join(text), untouched="0.7").reasons
-    assert any("line(s) 1 ('0.7 0.1 0.7')" in reason for reason in reasons)
-    assert any("5, 9" in reason and "messages" in reason for reason in reasons)
-
-
-def test_a_scan_that_is_not_ended_is_doubted() -> None:
-    lines = [
-        (1, "scan 0 begin"),
-        (2, "h=5"),
-        (3, "scan 0 end"),
-        (4, "scan 1 begin"),
-        (5, "h=6"),
-        (6, "scan 1 end"),
-    ]
-    assert without_ends(lines)[1] == []
-    for cut in (
-        [*lines[:-1], (7, "scan 2 begin"), (8, "h=7"), (9, "scan 2 end")],
-        [*lines, (7, "scan 2 begin")],
-    ):
-        (doubt,) = without_ends(cut)[1]
-        assert doubt.endswith("has no line that ends it, as others have: is the log cut there?")

@@ -44,30 +44,6 @@ def asked(lines: list[str], sensor: ts.Sensor, **answers: str) -> dict[str, tupl
     return {q.key: q.choices for q in raised.value.questions}
 
 
-STAMP = "2026-11-23T09:00:00.{:03d}Z"
-
-
-@pytest.mark.parametrize(
-    ("of_strip", "other"),
-    [
-        ("{t} bench/skin/strip/{s} {{\"vh\":{h},\"vl\":{l}}}", "{t} bench/skin/humidity 41.5"),
-        ("{t} bench/skin/strip/{s} {{\"vh\":{h},\"vl\":{l}}}", "{t} sys/heap {{\"free\":120344}}"),
-        ("skin,host=a,strip={s} v_h={h},v_l={l} 17000000{i:02d}0000000", "mem,host=a used=0.41,swap=0.0 17000000{i:02d}0000000"),
-    ],
-)  # fmt: skip
-def test_lines_of_another_series_are_passed_over_and_named(of_strip: str, other: str) -> None:
-    lines = []
-    for i in N:
-        told = {"t": STAMP.format(20 * i), "i": 2 * i}
-        lines += [
-            of_strip.format(s=s, h=text_of(h, nothing="null"), l=text_of(low, nothing="null"), **told)
-            for s, (h, low) in enumerate(BOTH[i])
-        ]
-        lines += [other.format(**told)] * (i % 3 == 0)
-    said = check(lines, TWO, BOTH)
-    assert any("no strip's; passed over" in reason for reason in said)
-
-
 def test_a_cut_topic_is_no_other_series() -> None:
     lines = [
         f'bench/skin/strip/{s} {{"t_ms":{20 * i},"vh":{text_of(h, nothing="null")},"vl":{text_of(low, nothing="null")}}}'
@@ -202,25 +178,6 @@ def test_a_comment_settles_the_order_and_the_units() -> None:
         ["# sampled at 50 Hz", "t_ms,v0,v1,v2,v3", *(f"{i / 50:.2f},,2.1,{2 + i / 90:.3f}," for i in N)], ONE
     )
     assert "time_unit" in rate
-
-
-def test_comments_beside_matrices_say_units() -> None:
-    def printed(name: str, rows: np.ndarray) -> list[str]:
-        return [
-            "",
-            f"{name} =",
-            "",
-            *("   " + "   ".join(text_of(v / 3.3, ".4f", "NaN") for v in np.atleast_1d(row)) for row in rows),
-        ]
-
-    lines = [
-        "% t in s, Vh = raw/Vref",
-        *printed("t", 3.3 * np.arange(12) / 50.0),
-        *printed("Vh", BOTH[:, :, 0]),
-        *printed("Vl", BOTH[:, :, 1]),
-    ]
-    said = check(lines, replace(TWO, strip_base=1), BOTH / 3.3)
-    assert not any("in the log, so from" in s for s in said)
 
 
 @pytest.mark.parametrize("word", ["pad", "robot"])

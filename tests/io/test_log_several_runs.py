@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -87,22 +86,6 @@ def test_readings_refer_to_scans_in_a_table_of_their_own(tmp_path: Path) -> None
     path = tmp_path / "log.sql"
     path.write_text(made.format(scans, body))
     assert_read(propose(read_table(path), PAD, {}))
-
-
-def test_lists_within_an_object_and_scans_with_empty_lists() -> None:
-    columns = {
-        f"strip{s}": {
-            e: [None if np.isnan(x) else round(x, 3) for x in v[:, s]] for e, v in (("hi", HIGH), ("lo", LOW))
-        }
-        for s in S
-    }
-    assert_read(read(json.dumps({"unit": "V", "data": {"t_s": [0.1 * n for n in N], **columns}}, indent=1)))
-    lines = [
-        {"ts": f"2026-03-04T10:00:00.{n}00Z", "contacts": [
-            {"strip": s, "vh": round(HIGH[n, s], 3), "vl": round(LOW[n, s], 3)} for s in S if not OPEN[n, s]
-        ]} for n in N
-    ]  # fmt: skip
-    assert_read(read("\n".join(map(json.dumps, lines))))
 
 
 @pytest.mark.parametrize("nothing", ["--mV", "-- mV"])

@@ -10,11 +10,6 @@ from tacstrip.io.log_import.names import meaning
 from tacstrip.io.log_import.table import Table
 
 _WHOLE_SECONDS = r"(?:[\d/.-]+[T ])?\d{1,2}:\d\d:\d\d"
-_CLOCK_PARTS = (
-    r"hours?|hh|stunden?|heures?|horas?|ore?", r"min(?:ute[ns]?|utos?|uti)?|mm",
-    r"s(?:ec(?:ond[ieos]*)?|ek(?:unden?)?)?|ss",
-    r"ms|millis(?:econds?)?|msec",
-)  # fmt: skip
 
 _FEW, _LONG = 2, 6  # columns; digits of a part of a second: more are of nanoseconds
 
@@ -32,27 +27,6 @@ def of_day_and_clock(table: Table) -> Table:
     days = table.column(dates[0])
     columns[clocks[0]] = [f"{d.strip()} {t}" for d, t in zip(days, columns[clocks[0]], strict=True)]
     return table.with_columns(columns, f"{dates[0]} and {clocks[0]}: a date and a time of day")
-
-
-def of_clock_parts(table: Table) -> Table:
-    """Put hours, minutes and seconds that stand in columns of their own, perhaps with milliseconds, into one clock."""
-    found = [[n for n in table.names if re.fullmatch(word, n.strip(), re.I)] for word in _CLOCK_PARTS]
-    if any(len(names) != 1 for names in found[:3]) or len(found[3]) > 1:
-        return table
-    names = [names[0] for names in found if names]
-    fields = [table.column(n) for n in names]
-    if not all(re.fullmatch(r"\d{1,2}", f) for column in fields[:2] for f in column):
-        return table
-    if not all(re.fullmatch(r"\d{1,2}([.,]\d+)?", f) for f in fields[2]) or not all(
-        f.isdigit() for column in fields[3:] for f in column
-    ):
-        return table
-    clock = [
-        f"{h}:{m:0>2}:{s if s[1:2].isdigit() else '0' + s}{'.' + rest[0].zfill(3) if rest else ''}"
-        for h, m, s, *rest in zip(*fields, strict=True)
-    ]
-    columns = {"clock": clock} | {n: table.column(n) for n in table.names if n not in names}
-    return table.with_columns(columns, f"{', '.join(names)}: parts of one clock")
 
 
 def of_one_clock(table: Table) -> Table:
@@ -109,28 +83,3 @@ def of_two_numbers(table: Table) -> Table:
         columns = {f"{n} [ns]" if n == whole[0] else n: f for n, f in columns.items()}
         return table.with_columns(columns, f"{whole[0]} and {name}: seconds and their parts")
     return table
-
-
-def of_unknown_name(table: Table) -> Table:
-    """Name the only column of dates with times of day a time, whatever its own name, where there is no other time.
-
-    Of lines that follow each other with the same one, so that it is not taken for what tells sensors apart.
-    """
-    if not table.named or any(meaning(n).role == "time" for n in table.names):
-        return table
-    found = [
-        n for n in table.names
-        if not meaning(n).role and all(map(_is_moment, fields := table.column(n)))
-        and 1 < len({*fields}) == sum(1 for _ in itertools.groupby(fields)) <= len(fields) // 2
-    ]  # fmt: skip
-    if len(found) != 1:
-        return table
-    columns = {f"{n} time" if n == found[0] else n: table.column(n) for n in table.names}
-    return table.with_columns(columns, f"{found[0]}: dates with times of day")
-
-
-def _is_moment(field: str) -> bool:
-    return (
-        re.match(r"\d{4}-\d\d-\d\d|\d\d?[./]\d\d?[./]\d", field) is not None
-        and clock_seconds(field) is not None
-    )

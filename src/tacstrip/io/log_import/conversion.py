@@ -11,7 +11,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import OptionError
-from tacstrip.io.log_import.names import LENGTHS_MM, TIME_UNITS
+from tacstrip.io.log_import.names import LENGTHS_MM
 from tacstrip.io.log_import.questions import Clues
 from tacstrip.io.log_import.table import Table
 
@@ -86,27 +86,10 @@ _PLACE = re.compile(  # as "y = U / Uref * L, L = 12 cm"
     r"[^=\n]*?\bL\s*=\s*(\d+(?:[.,]\d+)?)\s*(mm|cm|m)\b",
     re.IGNORECASE,
 )
-_EVERY = re.compile(
-    r"\b(?:every|each|per|alle|jede|toutes les|cada|ogni)\s+(?:(\d+)\s*)?(s|sec\w*|sek\w*|seg\w*|min\w*|h|hours?)\b",
-    re.IGNORECASE,
-)
-_PERIODS = {"s": "s", "m": "min", "h": "h"}
 _NEAR = 0.02  # relative
 _USUAL = (8, 10, 12, 14, 16, 18, 20, 24)  # bits
 _NOISE = 2e-3  # of half of full scale
 _OFTEN, _SELDOM = 0.1, 0.01  # of the readings
-
-
-def repeated_s(table: Table) -> set[float]:
-    """Return the periods in seconds of what the lines above say to come "every 5 minutes"; not of readings for sure.
-
-    Examples
-    --------
-    >>> repeated_s(Table((), [], [], preamble=("logged every 5 minutes",)))
-    {300.0}
-    """
-    found = _EVERY.findall("\n".join(table.preamble))
-    return {float(n or 1) * TIME_UNITS[_PERIODS.get(u[:1].casefold(), "s")] for n, u in found if n != "0"}
 
 
 def summed(lines: Sequence[str]) -> int:
@@ -378,12 +361,8 @@ def resolutions(text: str, rows: Collection[int]) -> tuple[tuple[int, int, str],
     return tuple(found)
 
 
-def bits_by_line(table: Table) -> list[int]:
-    """Return the bits of each row's codes: what the last line above it says, or the first of all."""
-    said = [line for line, _, _ in table.resolutions]
-    return [table.resolutions[max(bisect.bisect_left(said, line) - 1, 0)][1] for line in table.lines if said]
-
-
 def changes_below(table: Table) -> bool:
     """Return whether rows stand between lines that say another resolution each."""
-    return len({*bits_by_line(table)}) > 1
+    said = [line for line, _, _ in table.resolutions]
+    above = {max(bisect.bisect_left(said, line) - 1, 0) for line in table.lines if said}
+    return len({table.resolutions[n][1] for n in above}) > 1

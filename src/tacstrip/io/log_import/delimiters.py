@@ -1,4 +1,4 @@
-"""Lines that say where a scan begins and ends, topics before what is sent, and marks between values."""
+"""What a logger puts before the record of each line, and topics before what is sent."""
 
 from __future__ import annotations
 
@@ -12,18 +12,6 @@ from tacstrip.io.log_import.records import STEADY
 from tacstrip.io.log_import.table import CLOCK
 
 Lines = list[tuple[int, str]]
-_END = re.compile(
-    r"\W*(?:end (?:of )?)(scan|frame|sweep|cycle)\W*(\d+)\b.*"
-    r"|\W*(scan|frame|sweep|cycle)\W*(\d+)\W*(?:end|ended|done|finished|complete|completed|stop|stopped|over)\b.*",
-    re.IGNORECASE,
-)
-_BEGIN = re.compile(
-    r"\W*(?:(?:begin|start) (?:of )?)?(scan|frame|sweep|cycle)\W*(\d+)\W*(?:begin|begins|start|starts|started)?\W*",
-    re.IGNORECASE,
-)
-_NO_END = "scan {} has no line that ends it, as others have: is the log cut there?"
-_COUNT = re.compile(r"\b(\d+)\s+(?:\w+ )?(?:strips?|lines?|readings?|touched)\b", re.IGNORECASE)
-_TAG = re.compile(r"([A-Za-z][\w.-]*): (?=\S)")
 _TOPIC = re.compile(
     rf"\s*(?:[\[(]?(?P<time>{STAMP}|\d+(?:\.\d+)?)[\])]?[\s,;:]+)?(?P<topic>/?[A-Za-z][\w.-]*(?:/[\w.-]+)+)[\s:,;=]+"
     r"(?P<sent>\{.*\}|\[.*\]|(?=.*[. n])(?:[-+]?\d+(?:\.\d+)?|nan)(?:[,;\s]+(?:[-+]?\d+(?:\.\d+)?|nan))+)\s*"
@@ -36,64 +24,6 @@ _FIRST = re.compile(
 )  # ESP-IDF's are milliseconds
 _BEFORE = re.compile(r"[^{}/=]*[A-Za-z\d][^{}/=]*[\s:>|\]-]")
 _NAN = re.compile(r"(?<![^\[:, ;])nan\b", re.IGNORECASE)
-_VALUE = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:\s?[A-Za-z%]{1,3})?|nan|n/a|-{1,3}"
-
-
-def without_ends(lines: Lines) -> tuple[Lines, list[str]]:
-    """Return lines without those that end a scan, each scan below a line that numbers it, and doubts.
-
-    Examples
-    --------
-    >>> lines = [(1, "scan 0 begin"), (2, "s=1 h=5"), (3, "scan 0 end, 2 strips"), (4, "s=1 h=6"), (5, "scan 1 end")]
-    >>> without_ends(lines)[0]
-    [(1, 'scan 0'), (2, 's=1 h=5'), (4, 'scan 1'), (4, 's=1 h=6')]
-    >>> for doubt in without_ends(lines)[1]:
-    ...     print(doubt)
-    line 3 says 2 strips, and its scan has 1 line(s): is one lost?
-    line 5 ends scan 1, and no line begins it: taken as that of the lines from line 4
-    """
-    ends = sum(_END.fullmatch(line) is not None for _, line in lines)
-    if ends < 2:
-        return lines, []
-    made: Lines = []
-    doubts = []
-    start, open_ = 0, ""  # of the scan: where it begins in what is made, and its number
-    for i, line in lines:
-        if end := _END.fullmatch(line):
-            number = end[2] or end[4]
-            inner = made[start:]
-            if number != open_ and inner:
-                made.insert(start, (inner[0][0], f"{end[1] or end[3]} {number}"))
-                doubts.append(
-                    f"line {i} ends {end[1] or end[3]} {number}, and no line begins it: taken as that of the lines "
-                    f"from line {inner[0][0]}"
-                )
-            many = sum(bool(re.search(r"\d", text)) for _, text in inner) - (number == open_)
-            if (told := _COUNT.search(line, end.end(2) if end[2] else end.end(4))) and int(told[1]) != many:
-                doubts.append(f"line {i} says {told[0]}, and its scan has {many} line(s): is one lost?")
-            start, open_ = len(made), ""
-        elif begin := _BEGIN.fullmatch(line):
-            doubts += [_NO_END.format(open_)] if open_ else []
-            start, open_ = len(made), begin[2]
-            made.append((i, f"{begin[1]} {begin[2]}"))
-        else:
-            made.append((i, line))
-    return made, [*doubts, *([_NO_END.format(open_)] if open_ else [])]
-
-
-def without_tag(lines: Lines) -> Lines:
-    """Return lines without the tag that nearly all of them begin with.
-
-    Examples
-    --------
-    >>> without_tag([(1, "skin: scan 0"), (2, "skin: h=5"), (3, "skin: h=6"), (4, "skin: h=7")])[1]
-    (2, 'h=5')
-    """
-    tags = Counter(m[1] for _, line in lines if (m := _TAG.match(line)))
-    tag, many = tags.most_common(1)[0] if tags else ("", 0)
-    if many <= STEADY * len(lines) or meaning(tag).role:
-        return lines
-    return [(i, line.removeprefix(f"{tag}: ")) for i, line in lines]
 
 
 def without_prefix(text: str) -> str:

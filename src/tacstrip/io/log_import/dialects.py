@@ -1,21 +1,14 @@
-"""Text of known dialects: Teleplot, InfluxDB's line protocol, YAML, MATLAB's and R's print, HTML and LaTeX tables."""
+"""Text of known dialects: Teleplot, InfluxDB's line protocol, Prometheus' samples, what Octave saves, YAML."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
-from tacstrip.errors import ReadingError
-from tacstrip.io.log_import.arrays import of_arrays
-from tacstrip.io.log_import.assigned import of_assigned
 from tacstrip.io.log_import.fields import number_of, says_nothing
 from tacstrip.io.log_import.gathered import touched_vary
-from tacstrip.io.log_import.prints import of_matlab, of_octave, of_r, vector
+from tacstrip.io.log_import.prints import of_octave
 from tacstrip.io.log_import.strays import filled_lines
 from tacstrip.io.log_import.table import Table, of_records
 from tacstrip.io.log_import.yaml_text import of_yaml
@@ -25,8 +18,6 @@ _TELEPLOT = re.compile(r">([^:|§\d][^:|§]*):(\d+(?:\.\d+)?):([^:;|§]+)(?:§([
 _KEYS = r"[^,=\s]+=(?:\"[^\"]*\"|[^,\s\"]+)"
 _INFLUX = re.compile(rf"[^,=\s]+((?:,{_KEYS})*) ({_KEYS}(?:,{_KEYS})*) (\d{{10,19}})")
 _SAMPLE = re.compile(r"(\w+)\{([^{}]*)\} (\S+) (\d{10,19})\Z")  # of Prometheus
-_HDF5_SET = re.compile(r'(DATASET|ATTRIBUTE) "([^"]+)" \{((?:[^{}]|\{[^{}]*\})*?)\n?\s*\}')
-_HDF5_DATA = re.compile(r"DATASPACE\s+(?:SCALAR|SIMPLE \{ \(([\d, ]+)\)[^{}]*\})[\s\S]*?DATA \{([^{}]*)\}")
 
 
 def of_dialect(text: str, path: str) -> Table | None:
@@ -34,11 +25,7 @@ def of_dialect(text: str, path: str) -> Table | None:
     readers: tuple[Callable[[str, str], Table | None], ...] = (
         _teleplot,
         _influx,
-        _hdf5,
         of_octave,
-        of_matlab,
-        of_r,
-        of_assigned,
         of_yaml,
     )
     return next((table for read in readers if (table := read(text, path)) is not None), None)
@@ -98,29 +85,3 @@ def _nanoseconds(stamp: str) -> str:
 def _with_broken(table: Table, lines: Sequence[tuple[int, str]], form: re.Pattern[str]) -> Table:
     broken = {i: line for i, line in lines if not form.fullmatch(line)}
     return replace(table, broken=tuple(broken), quotes=broken)
-
-
-def _hdf5(text: str, path: str) -> Table | None:
-    """Return what h5dump prints of data sets of numbers."""
-    if not re.match(r'\s*HDF5 "', text):
-        return None
-    arrays: dict[str, npt.NDArray[Any]] = {}
-    numbers: dict[str, float] = {}
-    for kind, name, inner in _HDF5_SET.findall(text):
-        found = _HDF5_DATA.search(inner)
-        fields = (
-            re.split(r"[,\s]+", re.sub(r"\(\d+(?:,\d+)*\):", " ", found[2]).strip(", \n")) if found else []
-        )
-        values = vector(fields) if found else None
-        if found is None or values is None:
-            continue
-        shape = [int(n) for n in re.findall(r"\d+", found[1] or "")]
-        if kind == "ATTRIBUTE" or not shape:
-            numbers |= {name: float(values[0])} if len(values) == 1 else {}
-        elif len(values) != int(np.prod(shape)):
-            raise ReadingError(
-                f"{path}: {name} holds {len(values)} numbers, and {found[1].strip()} are said: is it cut?"
-            )
-        else:
-            arrays[name] = values.reshape(shape)
-    return of_arrays(arrays, path, numbers, "data sets as h5dump prints them") if arrays else None

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from tacstrip.errors import ReadingError
-from tacstrip.io.log_import.fields import STAMP, number_of, says_nothing
+from tacstrip.io.log_import.fields import STAMP, number_of
 from tacstrip.io.log_import.names import meaning
 from tacstrip.io.log_import.records import STEADY
 from tacstrip.io.log_import.strays import numbered, without
@@ -32,17 +32,9 @@ _NODE = re.compile(r"\[[A-Za-z][\w./-]*\]:?\s+(?:-\s+)?")
 # Such as "[001200] " or "I (1200) ".
 _COUNTED = re.compile(r"\s*(?:[A-Z]\s)?[\[(]\s*(?P<stamp>\d+(?:\.\d+)?)\s*[\])]:?\s*(?=\S)")
 _BETWEEN = r"[,;|\s]+"
-_FEW_BLOCKS = 2
-_SHELL = re.compile(
-    r"\s*(?:>>> (?!\s*[-+\d.]).*|> [A-Za-z.].*|\[\d+ rows x \d+ columns\]\s*|\(?\d+ rows?(?: in set.*|\)\s*))"
-)  # around a printed DataFrame
 _PROMPT = re.compile(
     r"\s*(?P<name>[A-Za-z](?:[\w@:~/.-]*[A-Za-z_~/])?)(?:[=*'(!^-]{0,2}[>#]|\$)(?:\s+(?:[A-Za-z\\./(*_].*)?)?"
 )  # with a command or nothing behind it
-_COUNT_OF_ROWS = re.compile(r"\s*\(?\d+ rows?(?:\)| in set.*)\s*")  # below what a database prints
-_QUERIED = re.compile(
-    r"\s*(?:Time: [\d.,]+ ms(?: \([\d:.]+\))?|Timing is o(?:n|ff)\.?|SET)\s*"
-)  # psql, of its own
 _R_ROW = re.compile(r"\s*\[\d+,\](?=\s)")  # before the rows of a matrix that R prints
 _BRACKETED = re.compile(r"\s*[\[({](.*)[\])}]\s*[,;]?\s*")  # a line such as "(20, [1, 2])"
 _FRAMED = re.compile(r"\s*/\*\s*\$?(.*?)\s*\*/\s*")  # as the frames of Serial Studio
@@ -83,47 +75,8 @@ def without_stamps(lines: Lines) -> tuple[Lines, dict[int, str]]:
     return [(i, line) for i, line in rest if line.strip()], stamps
 
 
-def named_once(lines: Lines) -> Lines:
-    """Return lines without names that come again behind other times, and what stands in brackets behind names apart."""
-    again = {line for line, many in Counter(line.strip() for _, line in lines).items() if many > 1}
-    named = {line for line in again if _names_alone(line.partition("(")[0])}
-    made: Lines = []
-    there: set[str] = set()
-    for i, line in lines:
-        if line.strip() not in named:
-            made.append((i, line))
-        elif line.strip() not in there:
-            names, mark, remark = line.partition("(")
-            made += [*([(i, f"# {remark.rstrip(' )')}")] if mark else []), (i, names.rstrip())]
-            there.add(line.strip())
-    return made
-
-
-def _names_alone(line: str) -> bool:
-    """Return whether a line holds nothing but names of readings, times and strips, and no value of any."""
-    fields = [f for f in re.split(_BETWEEN, line) if f]
-    plain = len(fields) > _FEW_BLOCKS and not re.search(r"[=:]", line)
-    return plain and all(meaning(f).role for f in fields) and not any(map(says_nothing, fields))
-
-
 def _as_wide(line: str, other: str) -> bool:
     return any(len(line.split(by)) == len(other.split(by)) > 2 for by in ("\t", "|", None))
-
-
-def without_shell(lines: Lines) -> tuple[Lines, str]:
-    """Return lines without what a prompt, or a database's program, prints around a table, and a remark."""
-    around = {i for i, line in lines if _SHELL.fullmatch(line) or _is_typed(line)}
-    if any(_COUNT_OF_ROWS.fullmatch(line) for _, line in lines):
-        around |= {i for i, line in lines if _QUERIED.fullmatch(line)}
-    if 2 * len(around) > len(lines):
-        return lines, ""
-    typed = [
-        f"line {i} ({line.strip()!r})"
-        for i, line in lines
-        if i in around and (line.startswith("> ") or _is_typed(line))
-    ]
-    said = f"{', '.join(typed)}: typed at a prompt, passed over" if typed else ""
-    return [(i, line) for i, line in lines if i not in around], said
 
 
 def _is_typed(line: str) -> bool:
@@ -143,22 +96,6 @@ def _is_typed(line: str) -> bool:
 def without_typed(text: str) -> str:
     """Return a text without what was typed at a prompt, which may name columns of its own."""
     return without(text, frozenset(n for n, line in numbered(text) if _is_typed(line)))
-
-
-def without_levels(lines: Lines) -> tuple[Lines, str]:
-    """Return lines without a logger's level before some of them, and without the messages that have one; a remark."""
-    levels = [_LEVEL.match(line) for _, line in lines]
-    if not 0 < sum(map(bool, levels)) < 0.5 * len(levels):
-        return lines, ""
-    usual = next(line for (_, line), level in zip(lines[::-1], levels[::-1], strict=True) if not level)
-    made, out = [], []
-    for (i, line), level in zip(lines, levels, strict=True):
-        plain = line[level.end() :] if level else line
-        if not level or len(re.split(_BETWEEN, plain)) == len(re.split(_BETWEEN, usual)) > 2:
-            made.append((i, plain))
-        else:
-            out.append(str(i))
-    return made, f"line(s) {', '.join(out)}: messages, passed over" if out else ""
 
 
 def bare(lines: Lines) -> Lines:

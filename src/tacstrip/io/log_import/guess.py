@@ -16,7 +16,6 @@ from tacstrip.errors import OptionError, ReadingError
 from tacstrip.io.log_import import conversion, no_contact, time_unit, units
 from tacstrip.io.log_import.broken import hold_readings, of_other_kinds, settle_broken
 from tacstrip.io.log_import.changes import ask_for_notes
-from tacstrip.io.log_import.channel_lines import inputs_as_columns
 from tacstrip.io.log_import.columns import Columns, find_columns
 from tacstrip.io.log_import.doubts import raise_doubts
 from tacstrip.io.log_import.ends import above, noise
@@ -269,7 +268,6 @@ def _assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
             f"missing {' and '.join(map(repr, lacking))}, the last? Else write in what is, or take its name out",
             "skip",
         )  # fmt: skip
-    clues.table = inputs_as_columns(clues)
     try:
         found = find_columns(clues)
     except Unanswered:

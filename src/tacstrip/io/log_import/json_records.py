@@ -1,4 +1,4 @@
-"""Records and lists of JSON, YAML or Python as a table."""
+"""Records and lists of JSON, XML, YAML or Python as a table."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from tacstrip.io.log_import.gathered import touched_vary
 from tacstrip.io.log_import.literals import literal, literals
 from tacstrip.io.log_import.names import meaning
 from tacstrip.io.log_import.table import CLOCK, Table, flattened, of_records, said_above
+from tacstrip.io.log_import.xml_records import of_xml
 
 _TUPLES = re.compile(r"(?m)^\(.*,\s*\(.*\)\)\s*$")  # within each other
 
@@ -26,6 +27,9 @@ def of_literals(text: str, path: str | Path) -> Table | None:
 
     None where it is none of these.
     """
+    inner, comments = of_xml(text)
+    if inner and (table := of_values(inner, path, "records in XML")) is not None:
+        return replace(table, preamble=(*comments, *table.preamble))
     if "[" not in text and "{" not in text and not _TUPLES.search(text):
         return None
     found, broken = _json(text, path) if text.lstrip()[:1] in ("{", "[") else ([], [])

@@ -16,7 +16,7 @@ STRIP_ORDERS = ("ascending", "descending")
 _KINDS: dict[str, type | tuple[type, ...]] = {
     "columns": dict, "untouched": list, "only": list, "strips": int, "strip_base": int, "format": int,
     "rate_hz": (int, float), "vref_volt": (int, float), "adc_bits": int, "time_bits": int, "strip_step": (int, float),
-    "scale": (int, float), "zero": (int, float), "adc_bits_of_lines": bool,
+    "scale": (int, float), "zero": (int, float),
 }  # fmt: skip
 
 
@@ -64,8 +64,6 @@ class ColumnMapping:
         What readings are multiplied by, as where they are behind a divider.
     zero
         The code of 0 V, where codes have a sign that is written as an offset.
-    adc_bits_of_lines
-        Whether codes are of the resolution that the line above them says, and so brought to `adc_bits`.
     turn
         "1/2" where two sensors write in turn, and the first is meant.
     strip_order
@@ -96,7 +94,6 @@ class ColumnMapping:
     only: tuple[str, ...] = ()
     scale: float = 1.0
     zero: float = 0.0
-    adc_bits_of_lines: bool = False
     turn: str = ""
     strip_order: str = "ascending"
 

@@ -7,7 +7,7 @@ from collections import Counter
 
 import numpy as np
 
-from tacstrip.arrays import BoolArray, FloatArray
+from tacstrip.arrays import FloatArray
 from tacstrip.errors import OptionError, ReadingError
 from tacstrip.io.log_import.columns import Columns
 from tacstrip.io.log_import.fields import clock_seconds, number_of, says_nothing
@@ -24,8 +24,6 @@ _SENTINELS = (999.0, 9999.0, 99999.0, 32767.0, 65535.0, 99.9, 99.99, 999.9, 999.
 _NEAR_0 = 0.01  # of the largest reading; and of the most that there can be
 _REST = 0.05  # of the largest reading: the most that the noise of open inputs reaches
 _GAP = 5.0  # times: how far above that the other readings begin
-_LEAP = 2.0  # times the largest step of a strip that stays touched: a contact begins or ends
-_AT_ONCE = "strips go there and back in one step, and no other reading moves as far"
 _FEW_TOUCHED = 0.005  # of the readings: fewer are no contact among noise
 _FLOATING = 0.2  # of the readings: so many near 0 are hardly contacts, all of them
 _MANY = 0.05  # of the readings: more that are exactly 0 are no chance
@@ -195,8 +193,6 @@ def _at_an_end(clues: Clues, values: FloatArray, rest: list[float]) -> list[str]
         told = f"{100 * there.mean():.0f} % of the readings are exactly {end:g}, and no other is near"
         if values.shape[2] == 2 and (there[:, :, 0] == there[:, :, 1]).all():
             told = f"{end:g} stands for no contact: both channels of a strip have it at once, and none alone"
-        elif _comes_at_once(values, there):
-            told = f"{end:g} stands for no contact: {_AT_ONCE}"
         else:
             told += ": does it stand for no contact, or is it a reading (none)?"
             clues.ask("untouched", told, f"{end:g}", "none")
@@ -225,9 +221,11 @@ def _at_an_end(clues: Clues, values: FloatArray, rest: list[float]) -> list[str]
     below = f"<{0.5 * (low[-1] + high[0]):.3g}"
     told = f"{100 * there.mean():.0f} % of the readings are {low[-1]:g} or less, and all others {high[0]:g} or more"
     both = values.shape[2] == 2 and (there[:, :, 0] == there[:, :, 1]).all() and low[-1] < _NEAR_0 * rest[-1]
-    if both or _comes_at_once(values, there):
-        why = "both channels of a strip are so low at once, and none alone" if both else _AT_ONCE
-        clues.because(f"{told}: the noise of strips that nothing touches, for {why}")
+    if both:
+        clues.because(
+            f"{told}: the noise of strips that nothing touches, for both channels of a strip are so low at once, and "
+            "none alone"
+        )
         return [below]
     clues.ask(
         "untouched", f"{told}: is that the noise of strips that nothing touches, or are they readings (none)?",
@@ -262,19 +260,3 @@ def _noise_at_full_scale(clues: Clues, values: FloatArray, rest: list[float], mo
         "untouched", f"{told}: is that where nothing touches, or are they readings (none)?", limit, "none"
     )
     return []
-
-
-def _comes_at_once(values: FloatArray, there: BoolArray) -> bool:
-    """Return whether strips go to such values and back in one step, of which no other reading makes the like.
-
-    A contact that moves to the end of a strip takes its reading there by and by.
-    """
-    idle = np.asarray(there.all(axis=2))  # (scans, strips)
-    if (there.any(axis=2) != idle).any():
-        return False
-    side_by_side = all(row[np.argmax(row) :][: row.sum()].all() for row in np.asarray(~idle))
-    steps = np.abs(np.diff(values, axis=0)).max(axis=2)
-    jumps = steps[idle[1:] != idle[:-1]]
-    moves = steps[~(idle[1:] | idle[:-1])]
-    far = max(_LEAP * float(moves.max(initial=0.0)), _REST * float(values.max()))
-    return side_by_side and len(jumps) > 0 and bool(jumps.min() > far)

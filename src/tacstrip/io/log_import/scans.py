@@ -14,7 +14,6 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import ReadingError
-from tacstrip.io.log_import.conversion import bits_by_line
 from tacstrip.io.log_import.fields import clock_times, is_of_two, number_of, says_nothing
 from tacstrip.io.log_import.mapping import ColumnMapping
 from tacstrip.io.log_import.names import CLOCKS, TIME_UNITS, meaning
@@ -291,7 +290,6 @@ def _scans(
     columns = _targets(table, mapping)
     number = table.column(mapping.scan) if mapping.scan else None
     shape = (mapping.strips, len(channels))
-    bits = bits_by_line(table) if mapping.adc_bits_of_lines else []
     scan: LogScan | None = None
     seen: dict[tuple[int, int], int] = {}
     backwards = not by_time and table.lines[0] > table.lines[-1]  # the newest stood first
@@ -353,8 +351,6 @@ def _scans(
                     f"line {line}: {name} is {text!r}, not a number; if it stands for no contact, "
                     f"--answer untouched={text}"
                 ) from None
-            if bits:
-                scan.values[strip, end] *= _full(max(bits)) / _full(bits[n])
             seen[strip, end] = line
         last = n
     if scan is not None:
@@ -399,10 +395,6 @@ def _period(times: FloatArray, strips: list[int]) -> float:
         steps += [time - at[strip]] if at.get(strip, time) < time else []
         at[strip] = time
     return float(np.median(steps)) if steps else np.inf
-
-
-def _full(bits: int) -> float:
-    return 2.0**bits - 1.0
 
 
 def _targets(table: Table, mapping: ColumnMapping) -> list[tuple[str, int, int, int]]:

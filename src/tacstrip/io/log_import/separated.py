@@ -12,7 +12,6 @@ import numpy as np
 from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.blocks import in_blocks, labels_of
 from tacstrip.io.log_import.fields import is_value, says_nothing
-from tacstrip.io.log_import.fixed_width import without_columns_of_blanks
 from tacstrip.io.log_import.headed import decimal_mark, headed
 from tacstrip.io.log_import.names import meaning
 from tacstrip.io.log_import.separators import fields_of, separator_of
@@ -20,10 +19,9 @@ from tacstrip.io.log_import.table import ContradictionError, Table
 from tacstrip.io.log_import.uneven import (
     are_remarks,
     below_an_index,
+    check_names_anew,
     filled_fields,
-    under_first_names,
     under_more_names,
-    untrimmed,
 )
 
 _WIDE = "  "  # two spaces or more
@@ -61,7 +59,6 @@ def separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) -
     data = [(i, line) for i, line in data if i not in labels]
     if not data:
         raise ReadingError(f"{path}: nothing but comments")
-    data = without_columns_of_blanks(data)
     separator, width = separator_of(data, path)
     remarked = [_REMARK.search(line) for _, line in data]
     if 0 < sum(map(bool, remarked)) < 0.5 * len(data):
@@ -90,7 +87,6 @@ def separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) -
         ]
         width -= len(marks)
     split, width, lacking = under_more_names(split, comments, width, separator)
-    split, width, trimmed = (split, width, "") if lacking else untrimmed(split, width)
     split = _in_decimals(below_an_index(split, width), width)
     line, top = split[0]
     if separator.isspace() and len(top) > width > 1 and all(_NUMBERED.fullmatch(name) for name in top[1:]):
@@ -105,7 +101,6 @@ def separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) -
     remarks: tuple[str, ...] = (
         f"fields are separated by {said}" if width > 1 else "",
         "decimal commas" if decimal == "," else "",
-        trimmed,
     )
     ends = min((len(row) - filled_fields(row) for _, row in split if len(row) == width), default=0)
     if ends and any(
@@ -116,7 +111,7 @@ def separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) -
     named = [(i, fields_of(_names_said(line, width, separator), separator)) for i, line in comments]
     if separator == _WIDE:  # names may stand nearer to each other than numbers
         named = [(i, row if len(row) == width else " ".join(row).split()) for i, row in named]
-    split, renamed = under_first_names(split, named, width)
+    check_names_anew(split, named, width)
     above = [line for _, line in comments]
     out = [
         i for i, row in named
@@ -128,7 +123,6 @@ def separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) -
             f"line(s) {', '.join(map(str, out))}: readings that are commented out; passed over",
         )
     table = headed(split, width, decimal, tuple(filter(None, remarks)), named, above)
-    table = replace(table, doubts=(*table.doubts, renamed)) if renamed else table
     if lacking and are_remarks(lacking) and any(is_value(r[-1 - len(lacking)], decimal) for r in table.rows):
         said = f"no line has as many fields as there are names: taken as if {', '.join(lacking)} were missing"
         table = replace(table, doubts=(*table.doubts, said))

@@ -9,13 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from tacstrip.errors import ReadingError
-from tacstrip.io.log_import.clocks import (
-    of_clock_parts,
-    of_day_and_clock,
-    of_one_clock,
-    of_two_numbers,
-    of_unknown_name,
-)
+from tacstrip.io.log_import.clocks import of_day_and_clock, of_one_clock, of_two_numbers
 from tacstrip.io.log_import.fields import (
     array_of,
     clock_seconds,
@@ -33,7 +27,7 @@ from tacstrip.io.log_import.names import (
     meanings,
 )
 from tacstrip.io.log_import.table import Table, flattened
-from tacstrip.io.log_import.upright import of_several_scans, transposed, upright
+from tacstrip.io.log_import.upright import upright
 
 _ARRAYS = 0.5  # of a column's fields that say something: then it is one of arrays
 _UNITS_COLUMN = re.compile(
@@ -51,10 +45,8 @@ def in_normal_form(table: Table) -> Table:
     two, merged cells are filled, a column that only counts the rows is left out, and columns of scans become rows.
     """
     steps: tuple[Callable[[Table], Table], ...] = (
-        _without_empty, of_several_scans, of_clock_parts, of_day_and_clock, of_one_clock, of_unknown_name,
-        of_two_numbers,
-        transposed, _spread, upright, _without_units, _of_strips_only, _of_unit_column, _in_one_unit, _split_keys,
-        _of_nothing, _filled, _without_index,
+        _without_empty, of_day_and_clock, of_one_clock, of_two_numbers, _spread, upright, _without_units,
+        _of_strips_only, _of_unit_column, _in_one_unit, _split_keys, _of_nothing, _filled, _without_index,
     )  # fmt: skip
     for step in steps:
         table = step(table) if table.rows else table

@@ -17,55 +17,32 @@ from tacstrip.io.log_import.channel_names import (
     with_channel_names,
 )
 from tacstrip.io.log_import.conversion import resolutions
-from tacstrip.io.log_import.counted import without_totals
 from tacstrip.io.log_import.cut import with_cut_lines_doubted, without_cut_end
-from tacstrip.io.log_import.delimiters import of_sent, without_ends, without_prefix, without_tag
+from tacstrip.io.log_import.delimiters import of_sent, without_prefix
 from tacstrip.io.log_import.dialects import of_dialect
 from tacstrip.io.log_import.envelope import (
     bare,
-    named_once,
     with_stamps,
-    without_levels,
-    without_shell,
     without_stamps,
     without_typed,
 )
-from tacstrip.io.log_import.expanded import of_expanded
-from tacstrip.io.log_import.fields import is_prose
 from tacstrip.io.log_import.gathered import named_values
-from tacstrip.io.log_import.groups import of_groups
-from tacstrip.io.log_import.hexbytes import of_hex_bytes
-from tacstrip.io.log_import.json_records import columns_within, of_literals
+from tacstrip.io.log_import.hexframes import refuse_frames
+from tacstrip.io.log_import.json_records import of_literals
 from tacstrip.io.log_import.labels import with_labels
-from tacstrip.io.log_import.literals import one_page, unwrapped
-from tacstrip.io.log_import.mail import without_mail
 from tacstrip.io.log_import.markup import dumped_tables, plain_rows
-from tacstrip.io.log_import.nested import documents
 from tacstrip.io.log_import.owners import with_owners
-from tacstrip.io.log_import.pandas_print import of_pandas
-from tacstrip.io.log_import.prints import of_displayed_scans
 from tacstrip.io.log_import.records import STEADY
-from tacstrip.io.log_import.registers import with_registers
 from tacstrip.io.log_import.relations import joined
 from tacstrip.io.log_import.runs import of_runs
-from tacstrip.io.log_import.sections import in_one_table
 from tacstrip.io.log_import.separated import separated
-from tacstrip.io.log_import.series import without_other_series
 from tacstrip.io.log_import.shape import in_normal_form
 from tacstrip.io.log_import.statements import untouched_said
 from tacstrip.io.log_import.strays import numbered, with_retries, without, without_messages
-from tacstrip.io.log_import.system_logs import of_system_log
 from tacstrip.io.log_import.table import Table
-from tacstrip.io.log_import.tags import without_other_tags
 from tacstrip.io.log_import.thousands import without_thousands
-from tacstrip.io.log_import.tree import of_tree
-from tacstrip.io.log_import.untouched import with_rows_of_nothing
-from tacstrip.io.log_import.yaml_text import yaml_documents
 
 _COMMENT = ("#", "%", "//", "!")
-_VALUE = r"[+-]?(?:\d+\.?\d*|\.\d+)|nan|NaN|NA|OL|x{1,3}|-{1,3}|\."
-_IN_BRACKETS = re.compile(rf"\(\s*({_VALUE})\s*,\s*({_VALUE})\s*\)")
-_COMMA_PAIR = re.compile(rf"(?<=[;|\t])\s*({_VALUE})\s?,\s?({_VALUE})\s*(?=([;|\t])|\Z)")
 _REMARK = re.compile(r"(;|!|//)\s*[^\s;].*")  # above a table
 _RULE = re.compile(r"[\s\-=+|~*_:]+")  # a line drawn below names
 _HALF_WIDTH = {c: c - 0xFEE0 for c in range(0xFF01, 0xFF5F)}  # of East Asian full-width letters and digits
@@ -154,27 +131,18 @@ def _is_said(quote: str, line: str) -> bool:
 
 def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     """Return a text as a table in normal form, as if some of its lines were not there."""
-    if (dumped := of_hex_bytes(without(text, strays))) is not None:
-        return in_normal_form(dumped)
+    refuse_frames(without(text, strays))
     if (related := _of_relations(without(text, strays))) is not None:
         return in_normal_form(related)
-    text = without_boxes(of_system_log(_FORTRAN.sub(r"\1E\2", _SCALAR.sub(r"\1", text))))
-    text, bounds = _BOUND.subn(r"\1", without_thousands(_THOUSANDS.sub("", of_pandas(without(text, strays)))))
-    whole = _COLOUR.sub("", plain_rows(of_displayed_scans(without(text, strays)).translate(_HALF_WIDTH)))
+    text = without_boxes(_FORTRAN.sub(r"\1E\2", _SCALAR.sub(r"\1", text)))
+    text, bounds = _BOUND.subn(r"\1", without_thousands(_THOUSANDS.sub("", without(text, strays))))
+    whole = _COLOUR.sub("", plain_rows(without(text, strays).translate(_HALF_WIDTH)))
     text, messages = without_messages(whole)
     of_others = [
         (a[0], a[1]) for a, b in zip(numbered(whole), numbered(text), strict=True) if a[1] and not b[1]
     ]
-    told = []
-    for rewritten in (without_totals, without_mail, without_other_series, without_other_tags, with_registers):
-        text, said = rewritten(text)
-        told.append(said)
     bounded = "what stands behind \u00b1: no readings, passed over" if bounds > 1 else ""
-    messages = "; ".join(filter(None, [messages, *told, bounded]))
-    if (expanded := of_expanded(text)) is not None:
-        return in_normal_form(replace(expanded, remarks=(*filter(None, [messages]), *expanded.remarks)))
-    if (nested := _of_nested(text)) is not None:
-        return in_normal_form(replace(nested, remarks=(*filter(None, [messages]), *nested.remarks)))
+    messages = "; ".join(filter(None, [messages, bounded]))
     if (labelled := of_runs(text)) is not None:
         labelled = replace(labelled, remarks=(*filter(None, [messages]), *labelled.remarks))
         return in_normal_form(without_cut_end(labelled, text))
@@ -183,18 +151,12 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
         return in_normal_form(replace(table, remarks=(*filter(None, [messages]), *table.remarks)))
     # The empty lines in between tell where blocks begin.
     every = [(i, line) for i, line in enumerate(re.split(r"\r\n|\r\r\n|\n|\r", text), 1)]
-    every = one_page(unwrapped([(i, line) for i, line in every if i not in strays]))
+    every = [(i, line) for i, line in every if i not in strays]
     lines = [(i, line) for i, line in every if line.strip() and not _RULE.fullmatch(line)]
-    lines, typed = without_shell(lines)
     if not lines:
         raise ReadingError(f"{path}: the file is empty")
     lines, stamps = without_stamps(lines)
-    lines = named_once(lines) if stamps else lines
-    lines, doubts = without_ends(without_tag(lines) if stamps else lines)
-    lines, passed = without_levels(lines)
-    messages = "; ".join(filter(None, [messages, typed, passed]))
     lines = bare(lines)
-    lines = in_one_table(_in_pairs(of_groups(lines)))
     beside = [line.lstrip().startswith(_COMMENT) or bool(_FORMULA.search(line)) for _, line in lines]
     remarked = [line for (_, line), so in zip(lines, beside, strict=True) if so]
     table = named_values([line for line, so in zip(lines, beside, strict=True) if not so], stamps)
@@ -202,7 +164,7 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
         table = replace(table, preamble=(*table.preamble, *remarked))
     else:
         blank = {i for i, line in every if not line.strip() or _RULE.fullmatch(line)}
-        table = separated(with_rows_of_nothing(lines), blank, path)
+        table = separated(lines, blank, path)
     table = with_cut_lines_doubted(without_cut_end(table, text))
     table = with_stamps(table, stamps, text, path) if stamps else table
     first = min(table.lines, default=0)
@@ -212,7 +174,7 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
         # What another logger says above the readings is said of all.
         preamble=(*table.preamble, *(line for i, line in of_others if i < first)),
         remarks=(*([messages] if messages else []), *table.remarks),
-        doubts=(*table.doubts, *doubts, *strips_told_otherwise(above)),
+        doubts=(*table.doubts, *strips_told_otherwise(above)),
     )
     return in_normal_form(table)
 
@@ -225,28 +187,3 @@ def _of_relations(text: str) -> Table | None:
         for n, (names, *rows) in dumped.items() if all(len(r) == len(names) for r in rows)
     }  # fmt: skip
     return joined(tables) if len(tables) > 1 else None
-
-
-def _of_nested(text: str) -> Table | None:
-    """Return a text of nested records as a table; None where it is none, or holds lines of another form beside them."""
-    found, around = documents(text)
-    if not found:
-        found, around = yaml_documents(text)
-    odd = [line for _, line in around if re.search(r"\d", line) and not line.lstrip().startswith(_COMMENT)]
-    if (
-        (len(found) == 1 and columns_within(found[0][1]))
-        or not found
-        or (len(found) > 1 and len(odd) >= len(found))
-        or any(not is_prose(line) for line in odd)
-    ):
-        return None
-    return of_tree(found, [line for _, line in around], "nested records: a line per strip")
-
-
-def _in_pairs(lines: list[tuple[int, str]]) -> list[tuple[int, str]]:
-    """Return lines with a slash in pairs of values in brackets, as (2.5,1.1), and those between semicolons parted."""
-    made = [(i, _IN_BRACKETS.sub(r"\1/\2", line)) for i, line in lines]
-    if any(re.search(r"\d\.\d+,\s?\d+\.\d", line) for _, line in made):
-        made = [(i, _COMMA_PAIR.sub(lambda m: f"{m[1]}{m[3] or ';'}{m[2]}", line)) for i, line in lines]
-    many = sum(a != b and "." in a[1] for a, b in zip(lines, made, strict=True))
-    return made if many > STEADY * sum(bool(re.search(r"\d", line)) for _, line in lines) else lines

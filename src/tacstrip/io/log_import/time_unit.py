@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import re
 from dataclasses import replace
 
@@ -10,10 +9,9 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import ReadingError
-from tacstrip.io.log_import import conversion
 from tacstrip.io.log_import.columns import Columns
 from tacstrip.io.log_import.contents import CLOCK_BITS
-from tacstrip.io.log_import.fields import clock_seconds, is_date, is_of_two, number_of
+from tacstrip.io.log_import.fields import clock_seconds, is_of_two, number_of
 from tacstrip.io.log_import.mapping import RESTARTS, ColumnMapping
 from tacstrip.io.log_import.names import (
     CLOCKS,
@@ -34,13 +32,6 @@ _FAR_LAST = 300.0  # times the largest other step
 _JUMP = 5.0  # usual steps: so much a clock may rise where it begins anew
 _EPOCHS = {"s": 1e9, "ms": 1e12, "us": 1e15, "ns": 1e18}  # since 1970, up to 2.2 times that
 _SAME_TIME = 0.5  # of the scans: if more have the time of the one before, the clock is too coarse
-_HOURS_SAID = re.compile(
-    r"\bh{1,2}[ :.]?m{1,2}\b(?![ :.]?s)|\btimes? of day\b|\buhrzeit\b|\bhours? ?(?:and|:) ?min", re.IGNORECASE
-)
-_MINUTES_SAID = re.compile(
-    r"(?<![hH][:.])\bm{1,2}[ :.]s{1,2}\b|\bmin\w* ?(?:and|:) ?s(?:ec\w*)?\b|\bstop ?watch\b", re.IGNORECASE
-)
-_OF_DAY_SAID = re.compile(r"\b(?:hora|heure|ora|uhr|godzina|klokken)\b", re.IGNORECASE)
 _TIME_SAID = re.compile(
     r"\b(?:t|times?|zeit|temps|tiempo|tempo|tijd) (?:is |are )?in ([^\W\d_]+)\b", re.IGNORECASE
 )
@@ -134,23 +125,8 @@ def _of_two_parts(clues: Clues, name: str) -> str:
     fields = clues.table.column(name)
     if not all(map(is_of_two, fields)):
         return "clock"
-    above = "\n".join((name, *clues.table.preamble))
-    ways = {"hh:mm": bool(_HOURS_SAID.search(above)), "mm:ss": bool(_MINUTES_SAID.search(above))}
-    first = [int(f.partition(":")[0]) for f in fields]
-    of_day = _OF_DAY_SAID.search(name) and any(fields[0].strip("0:"))
-    dated = any(all(map(is_date, clues.table.column(n))) for n in clues.table.names)
-    midnight = any((a, b) == (23, 0) for a, b in itertools.pairwise(first))
-    ways["hh:mm"] |= bool(of_day or dated or midnight)
-    ways["mm:ss"] |= max(first) > _LAST_HOUR
-    times = [clock_seconds(f) or 0.0 for f in fields]
-    steps = [b - a for a, b in itertools.pairwise(times) if b > a]
-    for period in {1.0 / rate for rate in _rates_above(clues)} | conversion.repeated_s(clues.table):
-        for way, unit in (("hh:mm", 60.0), ("mm:ss", 1.0)) if steps else ():
-            ways[way] |= _is_rate(unit * float(np.median(steps)), 1.0 / period)
-    said = [way for way, so in ways.items() if so]
-    if len(said) == 1:
-        clues.because(f"{name}: {fields[-1]} is {said[0]}, as the log says")
-        return said[0]
+    if max(int(f.partition(":")[0]) for f in fields) > _LAST_HOUR:
+        return "mm:ss"
     clues.ask(
         "time_unit", f"{name}: is {fields[-1]} hours and minutes (hh:mm), or minutes and seconds (mm:ss)?",
         "hh:mm", "mm:ss",
@@ -274,10 +250,7 @@ def settled_time(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
 
 
 def _by_rate(clues: Clues, mapping: ColumnMapping, step: float, rate: float | None) -> ColumnMapping:
-    """Return the mapping with the unit of its time that an answered rate tells; ask where a line says another rate.
-
-    That is: the name says a unit, and the scans have that rate only in another one. What fits no unit is a doubt.
-    """
+    """Return the mapping with the unit of its time that an answered rate tells; ask where a line says another rate."""
     rates = {rate} if rate else _rates_above(clues)
     if len(rates) != 1 or _is_rate(step, min(rates)):
         return mapping
@@ -287,20 +260,17 @@ def _by_rate(clues: Clues, mapping: ColumnMapping, step: float, rate: float | No
         u for u in ("s", "ms", "us") if mapping.time_unit in TIME_UNITS and _is_rate(raw * TIME_UNITS[u], hz)
     ]
     told = f"{mapping.time} is in {mapping.time_unit}, so that it rises by {step:g} s from scan to scan"
-    if rate:
-        if not fits:
-            clues.doubt(f"{told}: {hz:g} scans per second in no unit, so rate_hz={hz:g} is passed over")
-            return mapping
-        clues.doubt(f"{told}; at {hz:g} scans per second it is in {fits[0]}, and is taken so")
-        return replace(mapping, time_unit=fits[0])
-    if fits:
+    if fits and not rate:
         clues.ask(
             "time_unit",
             f"{told}, and the log says {hz:g} Hz, as it would be in {fits[0]}: in which unit is it?",
             fits[0], mapping.time_unit,
         )  # fmt: skip
-    elif mapping.time_unit in TIME_UNITS and not 1.0 - _SAME_RATE < step * hz < _MOST_SAMPLES:
-        clues.doubt(f"{told}, and the log says {hz:g} Hz: the time is taken as it stands")
+    elif fits:
+        clues.doubt(f"{told}; at {hz:g} scans per second it is in {fits[0]}, and is taken so")
+        return replace(mapping, time_unit=fits[0])
+    elif rate or (mapping.time_unit in TIME_UNITS and not 1.0 - _SAME_RATE < step * hz < _MOST_SAMPLES):
+        clues.doubt(f"{told}, and {hz:g} Hz are said: the time is taken as it stands")
     return mapping
 
 

@@ -18,12 +18,9 @@ _NEARER, _NEARER_IN_TURNS = 0.4, 0.7
 _STEPS = 3.0  # times: so much longer is the pause after the last sensor
 _TOUCHED = 0.5  # of a sensor's scans
 _EVEN = 0.3  # relative: steps of one place in the turn
-# Scans that tell a swing from turns, waves that are tried per scan, and by how much one must fit better.
-_LONG, _ENOUGH, _WAVES, _BETTER = 12, 200, 8, 0.5
 # Of the distance from the middle of the scans next to one: so near is it to that of its own turn, and how often.
 _SMOOTHER, _MOSTLY = 0.3, 0.75
 _AS_FAR = 0.02  # of the largest reading: nearer to the middle, readings are as smooth as their last digit
-_AS_WELL = 1.2  # times as large an error: a swing explains four places of a turn by three numbers
 
 
 def with_turn(
@@ -76,7 +73,7 @@ def turns(values: FloatArray, times: FloatArray) -> int:
             nearer = bool(np.median(within) < _NEARER_IN_TURNS * np.median(across))
         else:
             nearer = bool(np.quantile(within, 0.8) < _NEARER * np.quantile(across, 0.2))
-            nearer = (nearer or _smoother(values, many)) and not _swings(values, many)
+            nearer = nearer or _smoother(values, many)
         if nearer:
             return many
     return 0
@@ -107,34 +104,6 @@ def _off_middle(values: FloatArray, lag: int) -> FloatArray:
     there = np.isfinite(off)
     many = there.sum(axis=(1, 2))
     return np.where(many > 0, np.where(there, off, 0.0).sum(axis=(1, 2)) / np.maximum(many, 1), np.nan)
-
-
-def _swings(values: FloatArray, many: int) -> bool:
-    """Return whether one object that swings explains scans better than so many sensors in turn.
-
-    A wave and a drift, of one period for all readings, against a value and a drift for each place in the turn. A swing
-    of just two or three scans a period is none of these: it cannot be told from sensors.
-    """
-    values = values[:_ENOUGH]
-    n = np.arange(len(values))
-    read = values.reshape(len(values), -1)
-    read = read[:, np.isfinite(read).all(axis=0)]
-    if len(n) < _LONG or not read.shape[1]:
-        return False
-    places = np.eye(many)[n % many]
-    sensors = _error(np.hstack([places, places * n[:, None]]), read)
-    drift = np.stack([np.ones(len(n)), n], axis=1)
-    waves = np.linspace(1.0 / (2 * _MOST), 0.5, _WAVES * len(n), endpoint=False)  # per scan
-    angles = 2.0 * np.pi * np.append(waves, 1.0 / many)[:, None] * n
-    swing = min(_error(np.hstack([drift, np.stack([np.cos(a), np.sin(a)], axis=1)]), read, 1) for a in angles)
-    return bool(swing < _BETTER * sensors or (many == _MOST and swing < _AS_WELL * sensors))
-
-
-def _error(model: FloatArray, read: FloatArray, more: int = 0) -> float:
-    """Return the error of the least squares of a model, (scans, terms), to readings, over its degrees of freedom."""
-    q, _ = np.linalg.qr(model)
-    rest = read - q @ (q.T @ read)
-    return float(np.sqrt((rest**2).sum() / read.shape[1] / max(len(read) - model.shape[1] - more, 1)))
 
 
 def _apart(values: FloatArray, lag: int) -> FloatArray:

@@ -142,18 +142,15 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
         bits = _bits(clues, values, bits, scale)
     if unit == "code":
         conversion.ask_for_half(clues, values, bits)
-    of_lines = unit == "code" and clues.answers.get("adc_bits") == "lines"
     how = conversion.coding(clues, bits) if unit == "code" else "unsigned"
     if not how:
         conversion.ask_for_coding(clues)
     bits -= how in ("signed", "offset") and bits > 0
     if unit == "code" and how and "adc_bits" not in {q.key for q in clues.questions}:
         conversion.ask_for_step(clues, bits, vref)
-    if of_lines:
-        clues.because(f"codes are brought to {bits} bits from the resolution that the line above them says")
     if scale != 1.0:
         clues.because(f"readings are multiplied by {scale:g}")
-    if sensor is None and (unit in ("fraction", "percent") or how != "unsigned" or of_lines) and not vref:
+    if sensor is None and (unit in ("fraction", "percent") or how != "unsigned") and not vref:
         clues.ask(
             "vref_volt",
             "the readings are parts of Vref: how many volts is that? Or name the SENSOR",
@@ -209,7 +206,7 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
         clues.doubt(
             f"in mV, readings do not lie on the steps of the spec's {sensor.adc_bits} bits: are they codes?"
         )
-    plain = how == "unsigned" and not of_lines and scale == 1.0
+    plain = how == "unsigned" and scale == 1.0
     own = sensor is None or bits == sensor.adc_bits
     other = 0 if unit != "code" or (plain and own) else bits
     if sensor and (vref == sensor.vref_volt or unit not in IN_VOLTS):
@@ -219,13 +216,11 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
             f"volts of Vref = {vref:g} are written as such of vref_volt = {sensor.vref_volt:g} of the spec, with the "
             f"same ratios; better put vref_volt = {vref:g} into the spec and import again"
         )
-    return replace(mapping, unit=unit or "V", vref_volt=vref, adc_bits=other, adc_bits_of_lines=of_lines)
+    return replace(mapping, unit=unit or "V", vref_volt=vref, adc_bits=other)
 
 
 def _stated_bits(clues: Clues) -> int:
     """Return the bits of codes by the answer or the spec; 0 where neither says them."""
-    if clues.answers.get("adc_bits") == "lines":
-        return max(conversion.bits_by_line(clues.table), default=0)
     return int(clues.number("adc_bits") or (clues.sensor.adc_bits or 0 if clues.sensor else 0))
 
 
@@ -252,13 +247,10 @@ def _bits(clues: Clues, values: FloatArray, bits: int, scale: float) -> int:
     if "adc_bits" not in clues.answers and conversion.changes_below(clues.table):
         said = clues.table.resolutions
         line, _, other = next(r for r in said if r[1] != said[0][1])
-        clues.ask(
-            "adc_bits",
-            f"line {said[0][0]} says {said[0][2]!r}, and line {line} {other!r}: are codes of that resolution from "
-            "there on (lines), or all of one?",
-            "lines", *dict.fromkeys(str(b) for _, b, _ in said),
-        )  # fmt: skip
-        return bits
+        raise ReadingError(
+            f"line {said[0][0]} says {said[0][2]!r}, and line {line} {other!r}: save what is of each as a log of its "
+            "own, or, if all codes are of one, --answer adc_bits=..."
+        )
     if not bits and len(told) == 1 and values.max() <= 2.0 ** min(told) - 1.0:
         bits = told.pop()
         clues.because(f"codes of {bits} bits, as the log says")

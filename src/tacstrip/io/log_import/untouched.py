@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 
-from tacstrip.io.log_import.fields import is_value, says_nothing
+from tacstrip.io.log_import.fields import says_nothing
 from tacstrip.io.log_import.names import UNITS, meaning
 from tacstrip.io.log_import.records import LABELS, is_strip
 from tacstrip.io.log_import.untouched_phrases import says_no_contact
@@ -19,14 +19,10 @@ _SAYS = re.compile(
     r"(?P<words>(?:[^\W\d_]+\s*[=:]\s*)?[^\d=:]*[^\W\d_][^\d=:]*?|-{1,3})[\s)\]]*"
 )
 _VALUE = re.compile(rf"(?<![\w.])[-+]?\d[\d.]*(?:[eE][-+]?\d+)?(?i:\s?(?:{_UNIT}))?(?=[\s,;|/)\]]|\Z)")
-_ROW = re.compile(
-    r"(?P<row>[^A-Za-z]*\d)(?P<mark>\s*[,;\t|]\s*|\s+)(?P<words>[^\d,;\t|=:]*[^\W\d_]{2}[^\d,;\t|=:]*?)\s*"
-)
 _PLAIN = r"[^\W\d_]+(?: [^\W\d_]+){0,2}"  # words that may stand for readings
 _NOT_TOUCHED = re.compile(
     r"(?:touch\w*|contact|press\w*|active)\s*[=:]\s*(?:false|no|none|off)", re.IGNORECASE
 )
-_FEW = 2  # rows
 _OFTEN = 0.5  # of the lines with readings: a form that as many have is the log's
 
 
@@ -76,43 +72,6 @@ def _is_of_readings(form: str, strip: str) -> bool:
     several = re.search(_LABEL.format(re.escape(strip)), form)  # or the strip itself is the name of a value
     worded = re.search("[A-Za-z]", form.replace("nan", ""))  # else a sign for nothing is no value
     return "nan" in form and bool(worded) and not (several or LABELS & named or re.search(r"\d", form))
-
-
-def with_rows_of_nothing(lines: Lines) -> Lines:
-    r"""Return rows of numbers that end early with words for no contact with as many signs of it as they lack fields.
-
-    Examples
-    --------
-    >>> with_rows_of_nothing([(1, "0;1;2.5;1.9"), (2, "0;2;2.4;1.8"), (3, "0;3;no contact"), (4, "1;1;2.6;2.0")])[2]
-    (3, '0;3;nan;nan')
-    """
-    found = {i: m for i, line in lines if (m := _of_row(line))}
-    if not found or 2 * len(found) > len(lines):
-        return lines
-    mark = Counter(m["mark"].strip(" ") or " " for m in found.values()).most_common(1)[0][0]
-    rows = [_split(line, mark) for i, line in lines if i not in found]
-    full = Counter(len(row) for row in rows if all(map(_is_bare, row)))
-    width, many = full.most_common(1)[0] if full else (0, 0)
-    heads = {len(_split(m["row"], mark)) for m in found.values()}
-    short = heads.pop()
-    if heads or short >= width or many < max(_OFTEN * len(rows), _FEW):
-        return lines
-    rest = mark.join(["nan"] * (width - short))
-    return [(i, f"{found[i]['row']}{mark}{rest}" if i in found else line) for i, line in lines]
-
-
-def _is_bare(field: str) -> bool:
-    return is_value(field, ".") or is_value(field, ",") or says_nothing(field)
-
-
-def _of_row(line: str) -> re.Match[str] | None:
-    """Return a line of numbers only before words for no contact; None where it is none."""
-    m = _ROW.fullmatch(line)
-    return m if m and says_no_contact(m["words"]) else None
-
-
-def _split(line: str, mark: str) -> list[str]:
-    return line.split() if mark == " " else [f.strip() for f in line.split(mark)]
 
 
 def _says_nothing(words: str) -> bool:

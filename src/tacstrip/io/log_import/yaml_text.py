@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -14,77 +14,61 @@ from tacstrip.io.log_import.table import Table
 _FEW = 2  # records
 _ITEM = re.compile(r"\s*(?:- )*\s*(?:-|[\w.\"'/ -]+:(?:\s.*)?|- .*|---|\.\.\.|#.*)?")
 
+Lines = list[tuple[int, str]]
 
-def yaml_documents(text: str) -> tuple[list[tuple[int, Any]], list[tuple[int, str]]]:
-    """Return the documents of a text in YAML with their lines, and its comments; nothing where it is none."""
+
+def _documents(text: str) -> tuple[list[Lines], Lines]:
+    """Return the lines of each document of a text in YAML, and its comments; nothing where it is none."""
     comments = [
         (i, line.strip()) for i, line in enumerate(text.splitlines(), 1) if re.search(r"(?:\A|\s)#\s", line)
     ]
-    documents: list[tuple[int, list[str]]] = [(0, [])]
+    documents: list[Lines] = [[]]
     for i, line in enumerate(text.splitlines(), 1):
         plain = re.sub(r"(?:\A|\s+)#\s.*", "", line).rstrip()
         if plain in ("---", "...") or re.fullmatch(r"\s.*\w---", plain):  # as behind a message that ROS lost
-            documents.append((0, []))
+            documents.append([])
         elif plain and (plain.startswith("\t") or not (":" in plain or plain.lstrip().startswith("-"))):
             comments.append((i, plain.strip()))  # no line of YAML
         elif plain:
-            first, doc = documents[-1]
-            documents[-1] = (first or i, [*doc, plain])
-    every = [line for _, doc in documents for line in doc]
-    if not (
-        all(map(_ITEM.fullmatch, every))
-        and any(re.fullmatch(r"\s*(?:- )?[\w.\"' -]+:", line) for line in every)
+            documents[-1].append((i, plain))
+    every = [line for doc in documents for _, line in doc]
+    if not all(map(_ITEM.fullmatch, every)) or not any(
+        re.fullmatch(r"\s*(?:- )?[\w.\"' -]+:", line) or re.match(r"\s*- (?:\w+:|\S+\Z)", line)
+        for line in every
     ):
         return [], []
+    return [doc for doc in documents if doc], comments
+
+
+def yaml_documents(text: str) -> tuple[list[tuple[int, Any]], Lines]:
+    """Return the values of a text in YAML with their lines, and its comments; nothing where it is none."""
+    documents, comments = _documents(text)
     try:
-        return [(i, _block(doc)[0]) for i, doc in documents if doc], comments
+        return [(doc[0][0], _block([line for _, line in doc])[0]) for doc in documents], comments
     except (ValueError, RecursionError):
         return [], []
 
 
 def of_yaml(text: str, path: str) -> Table | None:
     """Return records in YAML as a table; None where the text is none."""
-    numbered = [
-        (i, line.rstrip())
-        for i, line in enumerate(text.splitlines(), 1)
-        if line.strip() and not line.lstrip().startswith("#")
-    ]
-    lines = [line for _, line in numbered]
-    blocks = any(re.fullmatch(r"\s*(?:- )?[\w.-]+:", line) for line in lines) or lines[:1] == ["---"]
-    lists = [line for line in lines if re.match(r"\s*- ", line)]
-    if not (blocks or lists) or not all(_ITEM.fullmatch(line) for line in lines):
-        return None
-    if not any(re.match(r"\s*- (?:\w+:|\S+\Z)", line) for line in lists):
-        return None
-    documents: list[tuple[int, list[str]]] = [(0, [])]
-    for i, line in numbered:
-        if line in ("---", "..."):
-            documents.append((0, []))
-        else:
-            first, doc = documents[-1]
-            doc.append(line)
-            documents[-1] = (first or i, doc)
-    try:
-        found = [(i, _block(doc)[0]) for i, doc in documents if doc]
-    except ValueError:
+    found, _ = yaml_documents(text)
+    if not found:
         return None
     if len(found) == 1:
         value = found[0][1]
         return of_values(value if isinstance(value, list) else [value], path, "documents in YAML")
     keys = [set(_paths(value)) for _, value in found]
-    cut = len(found) > _FEW and (keys[-1] < set.intersection(*keys[:-1]) or _ends_within(text, documents))
+    last = [len(doc[-1][1].strip()) for doc in _documents(text)[0]]
+    within = not text.endswith(("\n", "\r")) and last[-1] < min(
+        last[:-1]
+    )  # the log ends within its last line
+    cut = len(found) > _FEW and (keys[-1] < set.intersection(*keys[:-1]) or within)
     table = of_values(found[: len(found) - cut], path, "documents in YAML", numbered=True)
     return (
         replace(table, broken=(found[-1][0],), quotes={found[-1][0]: "the last record"})
         if table and cut
         else table
     )
-
-
-def _ends_within(text: str, documents: Sequence[tuple[int, list[str]]]) -> bool:
-    """Return whether a text ends within its last line: that is shorter than the last lines of all other documents."""
-    last = [len(doc[-1].strip()) for _, doc in documents if doc]
-    return not text.endswith(("\n", "\r")) and last[-1] < min(last[:-1])
 
 
 def _paths(value: Any, before: str = "") -> Iterable[str]:
