@@ -134,7 +134,8 @@ def test_a_design_reaches_the_error_with_its_largest_noise() -> None:
 
 
 def test_designs_that_hold_with_the_given_noise_come_first() -> None:
-    found = designs(candidates(a_sensor(), pitches_mm=[6.0]), OUTLINE, ts.Noise(positional=0.001), 0.5)
+    few = candidates(a_sensor(), pitches_mm=[2.0, 6.0], lengths_mm=[150.0])
+    found = designs(few, OUTLINE, ts.Noise(positional=0.001), 0.5)
     holds = [d.error_mm <= 0.5 for d in found if d.noise > 0.0]
     assert holds == sorted(holds, reverse=True)
     assert len(set(holds)) == 2
