@@ -579,9 +579,8 @@ def test_ranges_hold_where_places_are_off_and_nobody_said_so() -> None:
         (found,) = (p for p in done.parameters if p.name == "contact lambda")
         off.append((found.value - 1.2) / found.sigma)
     assert np.mean(np.abs(off) < 2.0) >= 0.9
-    assert (
-        np.sqrt(np.mean(np.square(off))) < 1.4
-    )  # 1.8 by the likeliest errors of places alone, 2.9 without any
+    # 1.9 by the likeliest errors of places alone, 2.5 without any
+    assert np.sqrt(np.mean(np.square(off))) < 1.4
 
 
 def test_more_noise_needs_more_contacts_and_too_much_is_said() -> None:

@@ -51,10 +51,10 @@ def files(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
 
 @pytest.mark.parametrize(
     ("files", "words"),
-    [(what, words) for what in ("well", "exchanged") for words in READ]
-    + [
-        ("backwards", words) for words in READ if "r.csv" in words
-    ],  # a recording's strips have no order of lines
+    [
+        *((what, words) for what in ("well", "exchanged") for words in READ),
+        *(("backwards", words) for words in READ if "r.csv" in words),  # recordings have no order of lines
+    ],
     indirect=["files"],
 )
 def test_every_verb_that_takes_readings_tells(
