@@ -5,7 +5,9 @@ from __future__ import annotations
 import shutil
 import subprocess
 from collections.abc import Iterable
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
@@ -38,6 +40,14 @@ def make(target: str, folder: Path, **settings: object) -> str:
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return done.stdout
+
+
+@cache
+def _emulator() -> TemporaryDirectory[str]:
+    """Build the emulator, which is the same for every firmware, into a folder that goes with the process."""
+    folder = TemporaryDirectory()
+    make("emulator", Path(folder.name))
+    return folder
 
 
 def volts_line(at_s: float, lines: Iterable[FloatArray]) -> str:
@@ -79,7 +89,7 @@ def run(
 ) -> bytes:  # fmt: skip
     """Run a folder's firmware through a scenario and return what it sent."""
     options = [seconds, strips, lines, ways, source_ohm, node_pf]
-    command = [str(folder / "emulator"), str(folder / "uno.elf"), *map(str, options)]
+    command = [f"{_emulator().name}/emulator", str(folder / "uno.elf"), *map(str, options)]
     done = subprocess.run(command, input="".join(scenario).encode(), capture_output=True, check=False)
     assert done.returncode == 0, done.stderr.decode()
     return done.stdout

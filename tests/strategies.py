@@ -12,7 +12,7 @@ from tacstrip.contact.shape import Contact
 from tacstrip.sensor.constructions import CONSTRUCTIONS
 from tacstrip.sensor.spec import Sensor
 
-FIXED = settings(derandomize=True, deadline=None)
+FIXED = settings(derandomize=True, deadline=None, max_examples=50)
 
 
 def texts(max_size: int | None = None) -> st.SearchStrategy[str]:

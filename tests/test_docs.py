@@ -32,8 +32,19 @@ PAGES = sorted(
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
-def test_links_and_pictures_are_there(page: Path) -> None:
-    for target in re.findall(r"\]\(([^)#]+)\)", page.read_text(encoding="utf-8")):
+def test_what_a_page_names_is_there(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    _check_links_and_pictures(page, text)
+    _check_names_and_keywords(text)
+    # A record tells of what was, and may be gone.
+    if page.name != "CHANGELOG.md" and page.parent.name != "decisions":
+        _check_options_of_commands(text)
+    for name in re.findall(r"`([\w/]*/[\w/]+\.(?:py|toml|pyi))`", text):
+        assert list(ROOT.glob(name)) or list((ROOT / "src").rglob(name)), name
+
+
+def _check_links_and_pictures(page: Path, text: str) -> None:
+    for target in re.findall(r"\]\(([^)#]+)\)", text):
         if not target.startswith("http"):
             assert (page.parent / target).exists(), target
 
@@ -57,18 +68,17 @@ def _find(dotted: str) -> Any:
     return found
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
-def test_names_and_keywords_of_the_package_are_there(page: Path) -> None:
-    text = page.read_text(encoding="utf-8")
+def _check_names_and_keywords(text: str) -> None:
     given: dict[str, Any] = {"ts": ts}
-    for code in _code(text):
+    codes = list(_code(text))
+    for code in codes:
         for node in ast.walk(code):
             if isinstance(node, ast.ImportFrom) and str(node.module).startswith("tacstrip"):
                 given |= {n.asname or n.name: _find(f"{node.module}.{n.name}") for n in node.names}
     for name in re.findall(r"\b(?:tacstrip|ts)(?:\.[A-Za-z_]\w*)+", text):
         if not re.fullmatch(r"tacstrip\.(toml|json|service|rules|conf)", name):  # files
             _find(re.sub("^ts", "tacstrip", name))
-    for code in _code(text):
+    for code in codes:
         for node in ast.walk(code):
             if not isinstance(node, ast.Call) or ast.unparse(node.func).split(".")[0] not in given:
                 continue
@@ -83,23 +93,11 @@ def _options(verb: str) -> set[str]:
     return {"-h", "--help", *(option for p in command.params for option in (*p.opts, *p.secondary_opts))}
 
 
-# A record tells of what was, and may be gone.
-@pytest.mark.parametrize(
-    "page",
-    [p for p in PAGES if p.name != "CHANGELOG.md" and p.parent.name != "decisions"],
-    ids=lambda p: p.name,
-)
-def test_options_of_commands_are_there(page: Path) -> None:
-    for verb, words in re.findall(r"\btacstrip (\w+) ([^`\n|]+)", page.read_text(encoding="utf-8")):
+def _check_options_of_commands(text: str) -> None:
+    for verb, words in re.findall(r"\btacstrip (\w+) ([^`\n|]+)", text):
         if verb in VERBS:
             used = set(re.findall(r"(?<!\S)--?[a-z][\w-]*", words))
             assert used <= _options(verb), (verb, words)
-
-
-@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
-def test_named_source_files_are_there(page: Path) -> None:
-    for name in re.findall(r"`([\w/]*/[\w/]+\.(?:py|toml|pyi))`", page.read_text(encoding="utf-8")):
-        assert list(ROOT.glob(name)) or list((ROOT / "src").rglob(name)), name
 
 
 def test_the_readmes_example_runs(

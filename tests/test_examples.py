@@ -16,7 +16,6 @@ WITH_EXAMPLES = sorted(
     if ">>> " in file.read_text("utf-8")
 )
 ROOMS = ("tacstrip", "tacstrip.io", "tacstrip.plot", "tacstrip.stream", "tacstrip.tracking")
-PUBLIC = [(room, n) for room in ROOMS for n in dir(importlib.import_module(room)) if not n.startswith("__")]
 
 
 @pytest.mark.parametrize("module", WITH_EXAMPLES)
@@ -35,7 +34,8 @@ def test_every_name_of_a_room_has_an_example(room: str) -> None:
     assert [n for n in names if ">>> " not in (getattr(module, n).__doc__ or "")] == []
 
 
-@pytest.mark.parametrize(("room", "name"), PUBLIC)
-def test_every_public_name_has_an_example(room: str, name: str) -> None:
-    shown = getattr(importlib.import_module(room), name)
-    assert "Examples\n" in (shown.__doc__ or ""), f"{room}.{name} has no example"
+@pytest.mark.parametrize("room", ROOMS)
+def test_every_public_name_has_an_example(room: str) -> None:
+    shown = importlib.import_module(room)
+    names = [name for name in dir(shown) if not name.startswith("__")]
+    assert [name for name in names if "Examples\n" not in (getattr(shown, name).__doc__ or "")] == []

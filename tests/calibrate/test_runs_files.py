@@ -206,6 +206,7 @@ def test_from_plan_to_calibrated_spec(bench: Path) -> None:
             file.write(f"{1 + i % 2},,,{0.2 + 0.001 * (i % 3)},0.1,,\n")
     done = run(spec, runs, "-o", out, "--report", bench / "report", "--plot", bench / "strips.svg")
     assert done.code == 0
+    assert "every strip has a reading" not in done.text
     assert "learned" in done.text
     lines = [line for line in done.text.splitlines() if "furthest off" in line or "residuals, after" in line]
     before, after = (re.findall(r"strip (\d) \(([\d.]+) %\)", line) for line in lines)

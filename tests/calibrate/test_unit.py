@@ -545,7 +545,8 @@ def test_a_slanted_press_shows_exchanged_strips(wide: float) -> None:
 @pytest.mark.parametrize(("kind", "wide"), [("sound", 0.0), ("sound", 1.0), ("mislaid", 0.0)])
 def test_a_slanted_press_on_strips_in_order_is_no_alarm(kind: str, wide: float) -> None:
     for seed in range(4):
-        assert ts.calibrate_unit(*_planned_runs(kind, np.random.default_rng(seed), wide)).status == "ok"
+        sensor, runs = _planned_runs(kind, np.random.default_rng(seed), wide)
+        assert ts.calibrate_unit(sensor, runs, model="offset+gain+lambda").status == "ok"
 
 
 @pytest.mark.parametrize("factor", [1.0, 0.9])
@@ -573,10 +574,13 @@ def test_ranges_hold_where_places_are_off_and_nobody_said_so() -> None:
         errors = rng.uniform(-0.1, 0.1, places.shape) * (places > 0.0)
         l, w = (np.repeat(v[:, None], 7, axis=1) for v in (places + errors).T)
         raw = ts.signatures(truth, l, l + w)["k"] + rng.uniform(-0.0012, 0.0012, l.shape)
-        done = ts.calibrate_unit(sensor, runs_of(sensor, [tuple(p) for p in places], {"k": raw}))
+        runs = runs_of(sensor, [tuple(p) for p in places], {"k": raw})
+        done = ts.calibrate_unit(sensor, runs, model="offset+gain+lambda")  # as is chosen for most of these
         (found,) = (p for p in done.parameters if p.name == "contact lambda")
         off.append((found.value - 1.2) / found.sigma)
-    assert np.mean(np.abs(off) < 2.0) >= 0.9  # 0.82 by the likeliest errors of places alone
+    assert np.mean(np.abs(off) < 2.0) >= 0.9
+    # 1.9 by the likeliest errors of places alone, 2.5 without any
+    assert np.sqrt(np.mean(np.square(off))) < 1.4
 
 
 def test_more_noise_needs_more_contacts_and_too_much_is_said() -> None:
@@ -603,7 +607,7 @@ def test_plans_that_cannot_be(wanted: float, noise: float, unit: float | None, m
 def test_rubbish_gives_constants_or_a_clear_error(seed: int) -> None:
     """Readings that have nothing to do with their contacts, at any places: no warning, no other error."""
     rng = np.random.default_rng(seed)
-    sensor, many = (CRS, METAL)[seed % 2], int(rng.integers(1, 25))
+    sensor, many = (CRS, METAL)[seed % 2], int(rng.integers(1, 13))
     w = rng.choice([0.0, 0.0, 10.0, 60.0], (many, 3))
     l = rng.uniform(0.0, 1.0, (many, 3)) * (250.0 - w)
     raw = {

@@ -18,8 +18,6 @@ from tacstrip.contact.press import mesh as meshes
 from tacstrip.contact.press.patch import Patch
 from tacstrip.errors import ContactError, OptionError
 
-trimesh: Any = pytest.importorskip("trimesh")
-
 TIP = ts.Sensor.load("fingertip")
 TUBE = ts.Sensor(
     construction="cyl-crs-m", strips=24, pitch_mm=2.0 * math.pi * 9.0 / 24, length_mm=60.0, radius_mm=9.0
@@ -103,7 +101,14 @@ def test_a_force_gives_the_depth_that_makes_it(solid: ts.Solid) -> None:
     np.testing.assert_allclose(found, np.sort(deep.l[deep.touched]), atol=1e-6)
 
 
-def pairs() -> dict[str, tuple[ts.Solid, Any]]:
+@pytest.fixture(name="trimesh")
+def _trimesh() -> Any:
+    """Late: it takes half a second to import, in every process that collects this file."""
+    return pytest.importorskip("trimesh")
+
+
+@pytest.fixture
+def pairs(trimesh: Any) -> dict[str, tuple[ts.Solid, Any]]:
     """Return solids and their meshes, lowest place at the origin."""
     ball = trimesh.creation.icosphere(subdivisions=5, radius=5.0)
     ball.apply_translation((0, 0, 5))
@@ -123,8 +128,10 @@ def pairs() -> dict[str, tuple[ts.Solid, Any]]:
 
 
 @pytest.mark.parametrize("kind", ["sphere", "box", "cylinder", "cone"])
-def test_a_mesh_is_pressed_as_the_solid_that_it_is(kind: str, tmp_path: Path) -> None:
-    solid, mesh = pairs()[kind]
+def test_a_mesh_is_pressed_as_the_solid_that_it_is(
+    pairs: dict[str, tuple[ts.Solid, Any]], kind: str, tmp_path: Path
+) -> None:
+    solid, mesh = pairs[kind]
     file = tmp_path / "thing.stl"
     mesh.export(file)
     one, two = (ts.press(TIP, s.at(*POSE, 0.4), depth_mm=1.2) for s in (solid, ts.Solid.from_mesh(file)))
@@ -136,8 +143,8 @@ def test_a_mesh_is_pressed_as_the_solid_that_it_is(kind: str, tmp_path: Path) ->
     assert two.area_mm2 == pytest.approx(one.area_mm2, rel=0.02)
 
 
-def test_meshes_that_are_not_as_they_should_be() -> None:
-    _, good = pairs()["sphere"]
+def test_meshes_that_are_not_as_they_should_be(pairs: dict[str, tuple[ts.Solid, Any]]) -> None:
+    _, good = pairs["sphere"]
     right = ts.press(TIP, ts.Solid.from_mesh(good).at(*POSE), depth_mm=1.0)
 
     def pressed(mesh: Any, unit: str = "mm") -> Patch:
@@ -168,7 +175,7 @@ def test_meshes_that_are_not_as_they_should_be() -> None:
     ],
 )
 def test_corners_that_are_no_numbers_are_not_passed_over(
-    old: str, new: str, said: str, tmp_path: Path
+    trimesh: Any, old: str, new: str, said: str, tmp_path: Path
 ) -> None:
     text = trimesh.creation.box((12, 6, 8)).export(file_type="stl_ascii")
     assert old in text
@@ -178,7 +185,7 @@ def test_corners_that_are_no_numbers_are_not_passed_over(
 
 
 def test_triangles_that_are_wound_in_different_ways_are_mended_or_named(
-    monkeypatch: pytest.MonkeyPatch,
+    trimesh: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     box = trimesh.creation.box((12, 6, 8))
     box.faces[0] = box.faces[0][::-1]
@@ -189,7 +196,7 @@ def test_triangles_that_are_wound_in_different_ways_are_mended_or_named(
 
 
 def test_normals_that_cannot_be_read_are_not_needed_and_cost_no_traceback(
-    tmp_path: Path,
+    trimesh: Any, tmp_path: Path
 ) -> None:
     text = trimesh.creation.box((12, 6, 8)).export(file_type="stl_ascii")
     file = tmp_path / "box.stl"
@@ -202,10 +209,10 @@ def test_normals_that_cannot_be_read_are_not_needed_and_cost_no_traceback(
 
 
 def test_without_embreex_it_is_said_once_and_reads_the_same(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    pairs: dict[str, tuple[ts.Solid, Any]], monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     pytest.importorskip("rtree")
-    _, mesh = pairs()["box"]
+    _, mesh = pairs["box"]
     quick, slow = (meshes.Mesh(mesh, "box") for _ in range(2))
     start = np.array([[0.0, 0.0, 1.0], [1.0, 2.0, 7.0], [50.0, 0.0, 1.0]])
     up = np.broadcast_to([0.0, 0.0, 1.0], start.shape)
@@ -224,7 +231,7 @@ def test_without_embreex_it_is_said_once_and_reads_the_same(
 
 @pytest.mark.parametrize("turned", [False, True], ids=["right", "inside out"])
 def test_a_hole_that_the_skin_meets_is_said_once_and_one_that_it_does_not_is_not(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, turned: bool
+    trimesh: Any, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, turned: bool
 ) -> None:
     ball = trimesh.creation.icosphere(subdivisions=3, radius=5.0)
     monkeypatch.setattr(meshes, "_told", set())

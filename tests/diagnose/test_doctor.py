@@ -43,12 +43,6 @@ def _examined(
     return diagnose(faulty_log(sensor, contacts, defects, noise, seed, 220.0))
 
 
-@pytest.fixture
-def no_outline(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Fit no outline: it takes most of the time, and knows of drift and wander alone."""
-    monkeypatch.setattr("tacstrip.diagnose.rigid_contact._FEWEST_PLACES", 1_000)
-
-
 def _only(report: Report, fault: str, *strips: int) -> Finding:
     assert said(report) == [(fault, strips)]
     return report.findings[0]
@@ -95,6 +89,7 @@ def test_an_open_end_beside_strips_at_rest_does_not_come_and_go(strip: int) -> N
     _only(diagnose(Log.of(sensor, log.time_s, {"k": k})), "stuck", strip)
 
 
+@pytest.mark.usefixtures("no_outline")
 def test_an_open_end_that_noise_makes_touched() -> None:
     """On ground, next to the level of rest, a scan counts as touched now and then; before, nothing was found."""
     sensor = replace(METAL, rest_volt=0.3, touch_volt=0.2)
@@ -103,6 +98,7 @@ def test_an_open_end_that_noise_makes_touched() -> None:
     _only(diagnose(Log.of(sensor, np.arange(240) / 200.0, {"k": k})), "open-strip", 6)
 
 
+@pytest.mark.usefixtures("no_outline")
 def test_a_cut_under_a_long_contact_is_no_loose_joint() -> None:
     """Contacts bridge it at most places: it is on ground below them and on Vref above."""
     k = faulty_log(METAL, exercise(METAL, np.random.default_rng(5), 240), noise=FAINT).raw["k"].copy()
@@ -257,9 +253,8 @@ def test_drift_of_one_strip_and_at_rest() -> None:
 
 
 @pytest.mark.usefixtures("no_outline")
-@pytest.mark.parametrize("hertz", [50.0, 60.0])
-def test_hum_of_one_strip_and_of_all(hertz: float) -> None:
-    for strip, strips in ((6, (6,)), (None, ())):
+def test_hum_of_one_strip_and_of_all() -> None:
+    for hertz, strip, strips in ((50.0, 6, (6,)), (60.0, None, ())):
         found = _only(_examined(RUBBER, Defect("hum", strip, 0.02, hertz=hertz), scans=300), "hum", *strips)
         assert found.numbers["hertz"] == hertz
         assert found.numbers["amplitude"] == pytest.approx(0.02, rel=0.3)
@@ -287,13 +282,13 @@ def test_missing_bits() -> None:
 
 
 @pytest.mark.usefixtures("no_outline")
-@pytest.mark.parametrize("half_width", [0.002, 0.005, 0.01])
-def test_noise_in_the_terms_of_the_thesis(half_width: float) -> None:
+@pytest.mark.parametrize(("half_width", "profile"), [(0.002, "I"), (0.0075, "II")])
+def test_noise_in_the_terms_of_the_thesis(half_width: float, profile: str) -> None:
     report = _examined(RUBBER, noise=Noise(positional=half_width), scans=480)
     noise = report.quality
     assert report.healthy
     assert noise.half_width_percent == pytest.approx(100.0 * half_width, rel=0.2)
-    assert noise.profile in (("I",) if half_width < 0.004 else ("I", "II", "above II"))
+    assert noise.profile == profile
     bound = vertex_rms(vertex_covariance(typical_contact(RUBBER), RUBBER, half_width / np.sqrt(3.0)))
     assert noise.vertex_rms_mm == pytest.approx(bound, rel=0.2)
 
@@ -354,6 +349,7 @@ def test_a_sheet_is_examined_as_far_as_its_channels_go() -> None:
     assert any("CRS-CRP" in reason for reason in report.unchecked)
 
 
+@pytest.mark.usefixtures("no_outline")
 def test_a_long_recording_is_examined_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tacstrip.diagnose.doctor._MOST_SCANS", 1000)
     case = faulty(2, scans=300, faults=["stuck"])
@@ -406,6 +402,7 @@ def test_readings_of_another_scale_are_noted() -> None:
         assert ["write vref_volt = 1" in n for n in notes] == [True] * (scale < 1.0)
 
 
+@pytest.mark.usefixtures("no_outline")
 def test_a_joint_that_is_open_during_one_pass_may_be_loose() -> None:
     """Without the quarter of the recording that this pass is in, nothing is left of it: a question."""
     sensor, time_s, k = _parallelogram(300)
@@ -451,11 +448,6 @@ def test_one_channel_on_vref_under_one_press_is_asked_about_as_stuck() -> None:
 @pytest.mark.parametrize(
     ("seed", "number", "why"),
     [
-        (2, 5, "a cut strip that counts as untouched below the cut"),
-        (5, 63, "exchanged wires of a short contact, by the unit's own offsets"),
-        (8, 71, "a wrong Vref of contacts that come to each strip's end once"),
-        (7, 79, "hum within a cycle or two of half the scan rate"),
-        (9, 79, "hum of strips that are visited in one half of the recording"),
         (410, 383, "wander under contacts that turn, against one outline"),
         (1, 13, "tied sensing strips where the contact lies nearly straight, against one outline"),
         (
@@ -463,6 +455,21 @@ def test_one_channel_on_vref_under_one_press_is_asked_about_as_stuck() -> None:
             777,
             "drift at rest, where contacts come to the strip's neighbours in the same stretches of time",
         ),
+    ],
+)
+def test_faults_that_an_outline_tells_are_named(seed: int, number: int, why: str) -> None:
+    assert doctor_set.score(seed, number)["verdict"] == "named", why
+
+
+@pytest.mark.usefixtures("no_outline")
+@pytest.mark.parametrize(
+    ("seed", "number", "why"),
+    [
+        (2, 5, "a cut strip that counts as untouched below the cut"),
+        (5, 63, "exchanged wires of a short contact, by the unit's own offsets"),
+        (8, 71, "a wrong Vref of contacts that come to each strip's end once"),
+        (7, 79, "hum within a cycle or two of half the scan rate"),
+        (9, 79, "hum of strips that are visited in one half of the recording"),
     ],
 )
 def test_faults_of_units_that_are_kept_apart_are_named(seed: int, number: int, why: str) -> None:
@@ -494,6 +501,7 @@ def test_sound_units_that_are_kept_apart_have_no_finding(number: int, why: str) 
     assert doctor_set.score(440, number)["verdict"] != "alarm", why
 
 
+@pytest.mark.usefixtures("no_outline")
 def test_a_fault_that_hangs_on_one_quarter_of_the_recording_is_asked_about() -> None:
     """A cut strip with an offset, so that ground is not 0."""
     assert doctor_set.score(12, 49)["verdict"] == "asked"
@@ -534,7 +542,7 @@ def sound_and_cut(request: pytest.FixtureRequest) -> tuple[Log, Log]:
     return sound, faulty
 
 
-@pytest.mark.parametrize("rest", [0.0, 0.1, 0.3, 0.5, 0.7, 1.0])
+@pytest.mark.parametrize("rest", [0.0, 0.1, 0.5, 1.0])
 def test_any_level_of_rest(sound_and_cut: tuple[Log, Log], rest: float) -> None:
     sound, cut = sound_and_cut
     assert diagnose(_at_rest(sound, rest)).findings == ()

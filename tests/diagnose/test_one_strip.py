@@ -11,6 +11,7 @@ from tacstrip.diagnose.hum import _mains_lines
 from tacstrip.diagnose.lost import lost
 from tacstrip.diagnose.neighbour_prediction import working_copy
 
+pytestmark = pytest.mark.usefixtures("no_outline")
 _STRIPS, _SCANS, _RATE_HZ = 16, 700, 43.0
 _SENSOR = ts.Sensor(
     construction="crs-crs", strips=_STRIPS, pitch_mm=5.0, length_mm=100.0, rest_volt=0.1, touch_volt=0.15

@@ -9,6 +9,7 @@ from tacstrip.diagnose import Log, diagnose
 _OPEN = 3
 
 
+@pytest.mark.usefixtures("no_outline")
 @pytest.mark.parametrize(("scans", "finding"), [(140, True), (12, False)])
 def test_an_open_strip_that_is_touched_in_one_quarter_of_the_recording(scans: int, finding: bool) -> None:
     """Its contacts show it without any quarter of them if they are many, and not if they are few."""

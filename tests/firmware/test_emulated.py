@@ -54,12 +54,11 @@ def sensor(construction: str = "crs-crs") -> ts.Sensor:
 
 @pytest.fixture(scope="module")
 def units(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """A folder with firmware and emulator for each construction."""
+    """A folder with firmware for each construction."""
     folders = {}
     for construction in CONSTRUCTIONS:
         folders[construction] = tmp_path_factory.mktemp(construction)
         make("uno", folders[construction], CONSTRUCTION=construction, STRIPS=STRIPS)
-        make("emulator", folders[construction])
     return folders
 
 
@@ -231,7 +230,6 @@ def test_starts_and_stops_and_tests_itself(units: dict[str, Path]) -> None:
 def test_multiplexers_of_eight_ways(tmp_path: Path) -> None:
     """Twenty strips on three enabled chips a line, and single measurement on line 1."""
     make("uno", tmp_path, STRIPS=20, WAYS=8, MEASURE="kl")
-    make("emulator", tmp_path)
     volts = np.random.default_rng(6).uniform(0.0, VREF_VOLT, 20)
     scenario = [volts_line(0.0, [np.full(20, np.nan), volts]), start_line(0)]
     _, scans, _ = heard(run(tmp_path, scenario, 0.08, 20, 2, 8))
@@ -269,7 +267,6 @@ def test_the_pages_table_of_rates(tmp_path: Path, strips: int, measure: str, bau
         MEASURE="kh" if measure == "single" else "double",
         **construction,
     )
-    make("emulator", tmp_path)
     volts = [np.full(strips, 2.5)] * (1 if metal else 2)
     _, scans, decoder = heard(run(tmp_path, [volts_line(0.0, volts), start_line(0)], 0.2 + 0.006 * strips, strips,
                                   len(volts)))  # fmt: skip

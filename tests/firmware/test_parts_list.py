@@ -39,7 +39,6 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     for construction in ("crs-crs", "crs-m"):
         made[construction] = tmp_path_factory.mktemp(construction)
         make("uno", made[construction], CONSTRUCTION=construction, STRIPS=TOOL.STRIPS)
-        make("emulator", made[construction])
     return made
 
 

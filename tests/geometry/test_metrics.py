@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from tacstrip.arrays import FloatArray
 
-FIXED = settings(derandomize=True, deadline=None)
+FIXED = settings(derandomize=True, deadline=None, max_examples=50)
 SQUARE = np.array([(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)])
 TRIANGLE = np.array([(0.0, 0.0), (6.0, 0.0), (0.0, 3.0)])
 LETTER_L = np.array([(0.0, 0.0), (5.0, 0.0), (5.0, 2.0), (2.0, 2.0), (2.0, 6.0), (0.0, 6.0)])

@@ -218,8 +218,7 @@ def error(sensor: ts.Sensor, found: crp.InversionResult, l: FloatArray, u: Float
     return np.fmax(np.abs(found.l - l), np.abs(found.u - u)) / sensor.length_mm
 
 
-@pytest.mark.parametrize("shape", SHAPES)
-@pytest.mark.parametrize("convex", [False, True])
+@pytest.mark.parametrize(("shape", "convex"), [*((shape, False) for shape in SHAPES), ("triangle", True)])
 def test_clean_readings_give_l_and_u_back(shape: str, convex: bool) -> None:
     sensor = a_sensor()
     l, u = span(sensor, shape)
@@ -252,19 +251,17 @@ def test_most_of_the_way_is_gone_on_a_coarser_mesh(
     assert rows.count(SheetMesh.of(sensor).rows) <= 6
 
 
-@pytest.mark.parametrize("wiring", [Wiring("tied grounds"), Wiring("grounded")], ids=str)
-def test_other_wirings_invert_too(wiring: Wiring) -> None:
-    sensor = a_sensor()
+def test_another_wiring_inverts_too() -> None:
+    sensor, wiring = a_sensor(), Wiring("tied grounds")
     l, u = span(sensor)
     readings = crp_spans.all_electrodes(sensor, l, u, 40, wiring)
     found = crp.invert_all(sensor, readings, rows=40, wiring=wiring)
     assert np.nanmax(error(sensor, found, l, u)) < 1e-9
 
 
-@pytest.mark.parametrize("shape", SHAPES)
-def test_readings_of_a_mesh_twice_as_fine(shape: str) -> None:
+def test_readings_of_a_mesh_twice_as_fine() -> None:
     sensor = a_sensor(contact_lambda_mm=3.0)
-    l, u = span(sensor, shape)
+    l, u = span(sensor)
     rows = SheetMesh.of(sensor).rows
     found = crp.invert(sensor, *crp_spans.own_electrodes(sensor, l, u, 2 * rows))
     assert np.nanmax(error(sensor, found, l, u)) < 1e-3
@@ -276,7 +273,7 @@ def test_strip_by_strip_fails() -> None:
     l, u = span(sensor)
     kh, kl = crp_spans.own_electrodes(sensor, l, u, 25)
     alone = np.full(20, np.nan)
-    for i in np.flatnonzero(np.isfinite(kh)):
+    for i in np.flatnonzero(np.isfinite(kh))[::3]:
         only = np.where(np.arange(20) == i, 0.0, np.nan)
         found = crp.invert(sensor, kh + only, kl + only, rows=25)
         alone[i] = error(sensor, found, l + only, u + only)[i]

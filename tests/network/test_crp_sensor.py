@@ -13,8 +13,8 @@ from click.testing import CliRunner
 import tacstrip as ts
 from studies.crp_spans import own_electrodes
 from tacstrip.cli import cli
-from tacstrip.contact.noise import add_reading_errors
 from tacstrip.network import Imperfections
+from tacstrip.network.crp.inversion import invert
 
 SHEET = ts.Sensor(
     construction="crs-crp", strips=20, pitch_mm=5, length_mm=100, resistivity_ratio=100, contact_lambda_mm=2
@@ -60,26 +60,22 @@ def test_the_profile_comes_back(electrodes: str) -> None:
     assert (np.array(found.strip_status) == "ok").tolist() == long.tolist()
 
 
-def test_the_covariance_is_the_spread_of_many_scans() -> None:
+def test_the_covariance_of_vertices_is_that_of_the_inverted_ends() -> None:
+    """Which is the spread of many scans: tests/network/test_crp.py."""
     sheet = replace(SHEET, contact_lambda_mm=5.0)  # two columns a pitch, 100 rows: the quickest
     noise = ts.Noise(positional=0.001)
     band = ts.Contact.polygon([(10, 20), (60, 30), (60, 70), (10, 50)])
-    read = ts.simulate(sheet, band)  # once: what differs from scan to scan is the noise
-    scans = [
-        ts.Scan(
-            kh=add_reading_errors(read["kh"], noise, random), kl=add_reading_errors(read["kl"], noise, random)
-        )
-        for random in map(np.random.default_rng, range(40))
-    ]
-    recovered = [ts.profile_reconstruction(scan, sheet, noise).objects[0] for scan in scans]
-    y = np.array([o.vertices[:, 1] for o in recovered])
-    assert recovered[0].covariance is not None
-    sigma = np.sqrt(np.diag(recovered[0].covariance)[1::2])
-    assert np.all(np.diag(recovered[0].covariance)[0::2] == 0.0)
-    ratio = y.std(axis=0) / sigma
-    assert 0.85 < np.median(ratio) < 1.15
-    assert ratio.max() < 1.6
-    assert ratio.min() > 0.6
+    scan = ts.simulate(sheet, band, noise, rng=1)
+    (found,) = ts.profile_reconstruction(scan, sheet, noise).objects
+    inverted = invert(sheet, scan["kh"], scan["kl"], sigma=0.001 / np.sqrt(3.0))
+    assert found.covariance is not None
+    assert np.all(np.diag(found.covariance)[0::2] == 0.0)
+    ends = np.concatenate([inverted.l, inverted.u])
+    order = [int(np.nanargmin(np.abs(ends - y))) for y in found.vertices[:, 1]]
+    np.testing.assert_allclose(ends[order], found.vertices[:, 1], rtol=1e-9)
+    np.testing.assert_allclose(
+        found.covariance[1::2, 1::2], inverted.covariance[np.ix_(order, order)], rtol=1e-9
+    )
 
 
 def test_short_contacts_have_a_status() -> None:

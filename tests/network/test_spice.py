@@ -131,7 +131,7 @@ def test_ngspice_agrees_on_the_digital_array(tmp_path: Path, isolation: str, wir
 @needs_ngspice
 @pytest.mark.parametrize(
     "wiring",
-    [Wiring(), Wiring("tied grounds"), Wiring("grounded"), Wiring(common_bars=True)],
+    [Wiring(), Wiring("grounded", common_bars=True)],  # the others are the plain solver's, as these are
     ids=lambda wiring: f"{wiring.others}, bars {wiring.common_bars}",
 )
 def test_ngspice_agrees_on_strips_over_a_resistive_sheet(tmp_path: Path, wiring: Wiring) -> None:

@@ -92,13 +92,14 @@ def _read(sensor: ts.Sensor, k: float = 0.5) -> ts.Scan:
     return ts.Scan(**read)
 
 
-def _pressed() -> Axes:
-    patch = ts.press(SENSORS["fingertip"], ts.Solid.sphere(4.0).at((20, 0, 20), (-1, 0, -1)), depth_mm=1.0)
-    return plot.skin(SENSORS["fingertip"], patch)
+@functools.cache
+def _patch() -> ts.Patch:
+    return ts.press(SENSORS["fingertip"], ts.Solid.sphere(4.0).at((20, 0, 20), (-1, 0, -1)), depth_mm=1.0)
 
 
 PICTURES: dict[str, Callable[[], Axes | tuple[Axes, ...]]] = {
-    **{f"sensor: {name}": functools.partial(plot.sensor, one) for name, one in SENSORS.items()},
+    **{f"sensor: {name}": functools.partial(plot.sensor, SENSORS[name])
+       for name in ("one strip", "a thousand", "narrow", "tube", "fingertip")},
     "a strip alone": lambda: plot.scan(_read(SENSORS["one strip"]), SENSORS["one strip"]),
     "a thousand strips": lambda: plot.scan(_read(SENSORS["a thousand"]), SENSORS["a thousand"]),
     "sensor of two layers": lambda: plot.sensor(LAYERS),
@@ -124,7 +125,7 @@ PICTURES: dict[str, Callable[[], Axes | tuple[Axes, ...]]] = {
     "tracks": lambda: plot.track([_track(i) for i in range(1, 8)], SENSOR),
     "no tracks": lambda: plot.track([], SENSOR),
     "skin": lambda: plot.skin(SENSOR),
-    "pressed": _pressed,
+    "pressed": lambda: plot.skin(SENSORS["fingertip"], _patch()),
 }  # fmt: skip
 
 
@@ -245,15 +246,9 @@ def _healths() -> Figure:
     return health_figure(log, _report(1000, dict.fromkeys(FAULTS, (7, 500))))
 
 
-def _press() -> Figure:
-    patch = ts.press(SENSORS["fingertip"], ts.Solid.sphere(4.0).at((20, 0, 20), (-1, 0, -1)), depth_mm=1.0)
-    return press_figure(SENSORS["fingertip"], patch)
-
-
 FIGURES: dict[str, Callable[[], Figure]] = {
-    "a scan": lambda: reconstruction_figure(SENSOR, [_read(SENSOR)], {"polygon": [_found("doubtful")]}),
     "methods": lambda: reconstruction_figure(
-        SENSOR, [_read(SENSOR)], {"polygon": [_found()], "profile": [_found("likely", 5.0)]},
+        SENSOR, [_read(SENSOR)], {"polygon": [_found("doubtful")], "profile": [_found("likely", 5.0)]},
         [ts.Contact.polygon(SQUARE)],
     ),
     "scans": lambda: reconstruction_figure(
@@ -269,7 +264,7 @@ FIGURES: dict[str, Callable[[], Figure]] = {
     "limits of a narrow one": lambda: _limits(SENSORS["narrow"]),
     "health": _healths,
     "tracks": lambda: track_figure(SENSOR, [_track(i) for i in range(1, 6)]),
-    "press": _press,
+    "press": lambda: press_figure(SENSORS["fingertip"], _patch()),
     "two layers": lambda: layers_figure(LAYERS, [_read(LAYERS.unit)], [_found()]),
 }  # fmt: skip
 

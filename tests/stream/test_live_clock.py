@@ -156,7 +156,7 @@ def test_a_sound_clock_is_believed(clock: Clock, kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", HEALTHY)
-@pytest.mark.parametrize("rate_hz", [2.0, 50.0, 400.0])
+@pytest.mark.parametrize("rate_hz", [2.0, 400.0])
 def test_a_sound_clock_is_believed_for_long(kind: str, rate_hz: float) -> None:
     """Up to a quarter of an hour each, in the clock alone; whatever came while the reader was away comes at once."""
     for seed in range(2):
@@ -180,8 +180,7 @@ def _raw(number: int, time_s: float) -> RawScan:
     return RawScan(time_s, {}, np.zeros(0, dtype=bool), number)
 
 
-@pytest.mark.parametrize("rate_hz", [1.0, 20.0, 400.0])
-@pytest.mark.parametrize("pause_s", [0.004, 0.08, 2.0])
+@pytest.mark.parametrize(("rate_hz", "pause_s"), [(1.0, 2.0), (20.0, 0.08), (400.0, 0.004), (400.0, 2.0)])
 def test_a_slow_taker_is_no_slow_clock(clock: Clock, rate_hz: float, pause_s: float) -> None:
     run = Run(Bench(clock, Unit(clock, rate_hz=rate_hz)))
     run.take(500, lambda: pause_s)
@@ -270,7 +269,7 @@ def test_the_computers_clock_counts_its_sleep(monkeypatch: pytest.MonkeyPatch) -
     assert clock() == pytest.approx(3602.5)
 
 
-@pytest.mark.parametrize("before", [3, 186, 900, 1500])
+@pytest.mark.parametrize("before", [3, 186, 900])
 def test_a_restart_without_a_word_is_told_and_loses_no_scan(clock: Clock, before: int) -> None:
     bench = Bench(clock, Unit(clock))
     run = Run(bench)
@@ -347,8 +346,9 @@ class Plugs:
         return self.bench
 
 
-@pytest.mark.parametrize("switch", SWITCHES)
-@pytest.mark.parametrize("before", [30, 1100])
+@pytest.mark.parametrize(
+    ("switch", "before"), [*((switch, 1100) for switch in SWITCHES), (_switch_unheard, 30)]
+)
 def test_another_unit_ends_the_stream_before_its_first_scan(
     clock: Clock, switch: Callable[[Bench, Unit], None], before: int
 ) -> None:

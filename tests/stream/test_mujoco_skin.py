@@ -12,7 +12,6 @@ import tacstrip as ts
 from tacstrip.contact.press.patch import patch_at
 from tacstrip.errors import ContactError, OptionError
 
-mujoco: Any = pytest.importorskip("mujoco")
 TIP = ts.Sensor.load("fingertip")
 OUT, X = np.array([0.6, 0.0, 0.8]), np.array([0.8, 0.0, -0.6])
 Y = np.cross(OUT, X)
@@ -20,6 +19,7 @@ Y = np.cross(OUT, X)
 
 def stepped(*geoms: str) -> tuple[Any, Any]:
     """Return a model of a finger, moved and turned, and of things about it, told in the finger's frame."""
+    mujoco: Any = pytest.importorskip("mujoco")
     place = 'pos=".3 -.2 .5" euler="20 50 -70"'
     xml = f"""<mujoco><worldbody><frame {place}>{"".join(geoms)}</frame>
       <body {place}><body name="finger"><joint/>

@@ -169,8 +169,9 @@ CLOCKS: dict[str, tuple[Callable[[int], int], str]] = {
 }
 
 
-@pytest.mark.parametrize("kind", CLOCKS)
-@pytest.mark.parametrize("period_us", [5_000, 20_000])
+@pytest.mark.parametrize(
+    ("kind", "period_us"), [*((kind, 20_000) for kind in CLOCKS), ("stands", 5_000), ("half", 5_000)]
+)
 def test_a_clock_that_lies_is_told_within_a_second(clock: Clock, kind: str, period_us: int) -> None:
     stamp, what = CLOCKS[kind]
     told: list[float] = []
@@ -183,7 +184,7 @@ def test_a_clock_that_lies_is_told_within_a_second(clock: Clock, kind: str, peri
 
     source = ts.SerialSource(lambda: device, SENSOR, on_message=tell)
     lies_s = clock.now_s + (6.0 - 3.21 if "jumps" in kind or "after" in kind else 0.0)
-    scans = list(islice(source, 4 * SCANS))
+    scans = list(islice(source, 2 * SCANS))
     assert re.search(what, said[0])
     assert told[0] - lies_s < 1.0
     assert len(said) == 1

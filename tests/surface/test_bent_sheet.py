@@ -47,14 +47,15 @@ def test_round_a_circle_it_is_a_tube_and_straight_it_is_flat() -> None:
         "format": 1, "construction": "crs-crs", "strips": 200,
         "surface": {"kind": "cylinder", "radius_mm": 20.0, "height_mm": 30.0},
     })  # fmt: skip
-    for solid in (ts.Solid.box((12.0, 8.0, 6.0)), ts.Solid.sphere(9.0)):
+    for solid, bent in (
+        (ts.Solid.box((12.0, 8.0, 6.0)), sheet(CIRCLE)),
+        (ts.Solid.sphere(9.0), sheet(CIRCLE[::-1], inside=True)),
+    ):
         posed = solid.at((0, 30, 15), toward=(0, -1, 0))
-        right = ts.press(tube, posed, depth_mm=1.0)
-        for bent in (sheet(CIRCLE), sheet(CIRCLE[::-1], inside=True)):
-            found = ts.press(bent, posed, depth_mm=1.0)
-            assert found.area_mm2 == pytest.approx(right.area_mm2, rel=2e-3)
-            assert found.force_n == pytest.approx(right.force_n, rel=2e-3)
-            np.testing.assert_allclose(found.centroid_xyz, right.centroid_xyz, atol=0.02)
+        right, found = (ts.press(one, posed, depth_mm=1.0) for one in (tube, bent))
+        assert found.area_mm2 == pytest.approx(right.area_mm2, rel=2e-3)
+        assert found.force_n == pytest.approx(right.force_n, rel=2e-3)
+        np.testing.assert_allclose(found.centroid_xyz, right.centroid_xyz, atol=0.02)
     flat = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=3.0, length_mm=50.0)
     like = sheet([[0, 0], [20, 0], [50, 0]])
     contact = ts.Contact.polygon([(4, 10), (25, 14), (18, 40)])

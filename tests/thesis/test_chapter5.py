@@ -129,7 +129,7 @@ def test_amplification_is_what_noise_does() -> None:
     contact, x = SHAPES[shape].contact(position), SHAPES[shape].transitions(position)
     order = np.argsort(contact.vertices[:, 0])
     heights = []
-    for seed in range(400):
+    for seed in range(200):
         scan = ts.simulate(
             CRS, contact, ts.Noise(positional=sigma * math.sqrt(3.0), distribution="normal"), rng=seed
         )

@@ -34,6 +34,12 @@ Made = tuple[Path, dict[str, Any]]
 LOOKED_AT = ("2_03", "3_07", "4_09", "5_02", "5_05", "6_01", "6_05", "6_30")
 
 
+def _not_painted(file: Path) -> bool:
+    """Say whether a picture is one of two in three of chapter 5, which are alike but for their numbers."""
+    chapter, number = file.stem.split("_")[1:]
+    return chapter == "5" and int(number) % 3 > 0 and not file.stem.endswith(LOOKED_AT)
+
+
 def _sketch(drawn: Figure, file: Path) -> Path:
     """Check a figure's axes and write it; all but those of `LOOKED_AT` small, not laid out, without ticks or legend."""
     assert drawn.axes
@@ -42,6 +48,9 @@ def _sketch(drawn: Figure, file: Path) -> Path:
     assert named or "_6_" in file.name, f"{file.name}: an axis without a name"
     if file.stem.endswith(LOOKED_AT):
         return save(drawn, file)
+    if _not_painted(file):
+        Image.new("L", (1, 1)).save(file)
+        return file
     drawn.set_dpi(40)
     drawn.set_layout_engine("none")
     for axes in drawn.axes:
@@ -117,7 +126,7 @@ def test_report_shows_every_figure_and_table(made: tuple[Path, dict[str, Any]]) 
         assert f'id="figure-5.{number}"' in page
     pictures = sorted((out / "figures").iterdir())
     assert len(pictures) == 112
-    assert min(_levels(picture) for picture in pictures) > 50
+    assert min(_levels(picture) for picture in pictures if not _not_painted(picture)) > 50
     for number in LOOKED_AT:
         assert (out / "figures" / f"figure_{number}.png").stat().st_size > 10_000
     for figure in ["2.3", "2.4", "3.3", "3.4", "3.7", "3.10", *(f"4.{n}" for n in range(1, 11))]:

@@ -201,30 +201,24 @@ def test_two_that_stay_beside_each_other_are_not_one_that_replaces_them() -> Non
 
 
 @pytest.mark.parametrize(
-    ("name", "seed", "case"),
+    ("seed", "case"),
     [
-        ("ten", 11, 2),  # lone scans of the first prefer an outline 5 mm off that turns the other way
-        ("ten", 31, 11),  # a least cost 4 below the truth's, on another outline
-        (
-            "ten",
-            60,
-            9,
-        ),  # hidden for the most part, one may turn by 70 degrees more, but not as smoothly as alone
+        (11, 2),  # lone scans of the first prefer an outline 5 mm off that turns the other way
+        (60, 9),  # hidden for the most part, one may turn by 70 degrees more, but not as smoothly as alone
     ],
 )
-def test_scans_with_another_about_decide_what_is_left_open(name: str, seed: int, case: int) -> None:
+def test_scans_with_another_about_decide_what_is_left_open(seed: int, case: int) -> None:
     """Of ten strips lone scans and the least cost leave shapes and ways open."""
-    random = np.random.default_rng([seed, list(SETS).index(name), case])
-    scene = draw(name, random)
+    random = np.random.default_rng([seed, list(SETS).index("ten"), case])
+    scene = draw("ten", random)
     tracks = ts.track(scene.scans(random), scene.unit.sensor, NOISE)
     assert all(one.solved for one in score(scene, tracks))
 
 
-@pytest.mark.parametrize(("name", "case"), [("unknown", 18), ("three", 2)])
-def test_a_way_that_only_loose_motion_allows_is_no_doubt(name: str, case: int) -> None:
-    """Where motion may be rough another way explains as well: as smooth as theirs it ends in theirs, or does not."""
-    random = np.random.default_rng([33, list(SETS).index(name), case])
-    scene = draw(name, random)
+def test_a_way_that_only_loose_motion_allows_is_no_doubt() -> None:
+    """Where motion may be rough another way explains as well: as smooth as theirs it ends in theirs."""
+    random = np.random.default_rng([33, list(SETS).index("unknown"), 18])
+    scene = draw("unknown", random)
     tracks = ts.track(scene.scans(random), scene.unit.sensor, NOISE)
     assert all(one.solved for one in score(scene, tracks))
     assert [t.status for t in tracks] == ["ok"] * len(scene.outlines)

@@ -25,9 +25,6 @@ from tacstrip.view.server import Access, Server
 from tacstrip.view.simulator import Settings, Simulator
 from waiting import HANG_S, wait_until
 
-playwright = pytest.importorskip(
-    "playwright.sync_api", reason="the page's tests need playwright, of the group dev", exc_type=ImportError
-)
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 pytestmark = pytest.mark.skipif(
     CHROMIUM is None, reason="the page's tests need the distribution's Chromium: apt-get install chromium"
@@ -44,6 +41,11 @@ ON_SHARED_STRIPS = [[(20.0, 20.0), (46.0, 25.0), (30.0, 50.0)], [(35.0, 60.0), (
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
+    playwright = pytest.importorskip(
+        "playwright.sync_api",
+        reason="the page's tests need playwright, of the group dev",
+        exc_type=ImportError,
+    )
     with playwright.sync_playwright() as driver:
         chromium = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
         yield chromium
@@ -174,8 +176,6 @@ def test_settings_pause_theme_and_recording(
     assert _drawn(page) == count
     page.locator("#pause").click()
     wait_until(lambda: _drawn(page) > count)
-    page.locator("#theme").click()
-    assert page.evaluate("() => document.documentElement.dataset.theme") == "dark"
     page.locator("#construction").select_option("crs-m")
     wait_until(lambda: "crs-m" in page.locator("#what").inner_text())
     wait_until(lambda: page.evaluate("() => Object.keys(window.tacstrip.frame.readings).join()") == "k")
@@ -216,8 +216,9 @@ def test_a_refused_number_says_so_at_its_field_and_deleting_keeps_the_focus(
 
 
 def test_a_page_without_news_is_dimmed_and_a_new_server_is_heard(browser: Any, server: Server) -> None:
-    page = _page(browser)
+    page = _page(browser, color_scheme="dark")
     page.goto(server.urls["control"])
+    assert page.evaluate("() => document.documentElement.dataset.theme") == "dark"
     stale = "() => document.body.classList.contains('stale')"
     wait_until(lambda: _drawn(page) > 5 and not page.evaluate(stale))
     for text in ("one", "two"):
@@ -257,12 +258,10 @@ def test_the_page_on_a_phone(open_page: Callable[..., Any], tmp_path: Path) -> N
     _picture(page, "live_phone", tmp_path)
 
 
-@pytest.mark.parametrize(("name", "scheme"), [("live", "light"), ("live_dark", "dark")])
-def test_pictures(
-    open_page: Callable[..., Any], server: Server, tmp_path: Path, name: str, scheme: str
-) -> None:
-    page = open_page(viewport={"width": 1000, "height": 800}, color_scheme=scheme)
-    assert page.evaluate("() => document.documentElement.dataset.theme") == scheme
+def test_pictures(open_page: Callable[..., Any], server: Server, tmp_path: Path) -> None:
+    page = open_page(viewport={"width": 1000, "height": 800}, color_scheme="light")
+    theme = "() => document.documentElement.dataset.theme"
+    assert page.evaluate(theme) == "light"
     for field, value in (("noise", "1"), ("hz", "100")):  # so that regions show
         page.locator(f"#{field}").fill(value)
         page.locator(f"#{field}").press("Enter")
@@ -271,7 +270,10 @@ def test_pictures(
     settled = server.controller.live.frames + 200
     wait_until(lambda: server.controller.live.frames > settled)
     wait_until(lambda: [(one["status"], one["advice"]) for one in _objects(page)] == [("ok", "")] * 2)
-    _picture(page, name, tmp_path)
+    _picture(page, "live", tmp_path)
+    page.locator("#theme").click()
+    assert page.evaluate(theme) == "dark"
+    _picture(page, "live_dark", tmp_path)
 
 
 @pytest.mark.slow
