@@ -79,3 +79,9 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     monkeypatch.setattr("tacstrip.stream.device.source.HostClock", lambda: made)
     monkeypatch.setattr("tacstrip.stream.device.handshake.time.monotonic", made)
     return made
+
+
+@pytest.fixture
+def no_outline(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fit no outline: it takes most of the time, and knows of drift and wander alone."""
+    monkeypatch.setattr("tacstrip.diagnose.rigid_contact._FEWEST_PLACES", 1_000)

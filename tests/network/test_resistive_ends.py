@@ -32,12 +32,12 @@ def test_readings_and_slopes_are_those_of_networks(strip: int, way: int) -> None
     for name in sensor.signatures:
         assert made[name][strip] == pytest.approx(read[name][strip], abs=1e-4)
     # As all vertices move, so do the ends; and as the upper edge alone does, by differences.
-    up = found.slopes() @ np.tile([0.0, 1.0], 4)
+    up = found.slopes @ np.tile([0.0, 1.0], 4)
     np.testing.assert_allclose(up, 1.0, atol=0.02)
     moves = np.where(np.repeat(shape[:, 1] > 50.0, 2), np.tile([0.3, 1.0], 4), 0.0)
     step = 0.05 * moves.reshape(-1, 2)
     difference = (on_strip(shape + step, strip).ends - on_strip(shape - step, strip).ends) / 0.1
-    np.testing.assert_allclose(found.slopes() @ moves, difference, atol=0.03)
+    np.testing.assert_allclose(found.slopes @ moves, difference, atol=0.03)
 
 
 def test_off_the_strip_there_is_none() -> None:

@@ -7,7 +7,6 @@ import operator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 from shapely.geometry.base import BaseGeometry
 
@@ -127,11 +126,7 @@ def _shares(grid: Grid, area: BaseGeometry) -> FloatArray:
     """Return how much of an area falls to each node (nodes,) [mm^2]: the part within half a cell of it."""
     j, i = np.divmod(np.arange(grid.nodes), grid.nx + 1)
     x, y = (np.clip([at - 0.5, at + 0.5], 0, most) for at, most in ((i, grid.nx), (j, grid.ny)))
-    return shares(area, shapely.box(x[0] * grid.dx, y[0] * grid.dy, x[1] * grid.dx, y[1] * grid.dy))
-
-
-def shares(area: BaseGeometry, cells: npt.NDArray[np.object_]) -> FloatArray:
-    """Return how much of an area falls to each cell, in the cells' shape [mm^2]."""
+    cells = shapely.box(x[0] * grid.dx, y[0] * grid.dy, x[1] * grid.dx, y[1] * grid.dy)
     shapely.prepare(area)
     inside, meets = shapely.covers(area, cells), shapely.intersects(area, cells)
     share = np.where(inside, shapely.area(cells), 0.0)

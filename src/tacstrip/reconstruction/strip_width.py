@@ -69,9 +69,13 @@ class WithCorners:
     ----------
     ends
         l and u (2, n) [mm] as by `equivalent_ends`.
+
+    With contact resistance strips cost milliseconds; those of an outline `near` by lead on to this one by slopes.
     """
 
-    def __init__(self, sensor: Sensor, outline: Outline, x: FloatArray) -> None:
+    def __init__(
+        self, sensor: Sensor, outline: Outline, x: FloatArray, near: WithCorners | None = None
+    ) -> None:
         self._of = sensor, outline, x
         self.ends = np.stack(equivalent_ends(sensor, outline, x))
         self._charged: list[tuple[_Strip, Charges]] = []
@@ -80,8 +84,12 @@ class WithCorners:
             return
         if sensor.contact_lambda_mm > 0.0:
             for i in np.flatnonzero(has_corner(sensor, outline.vertices, x).any(axis=1)).tolist():
-                if (found := _resistive(sensor, outline.vertices, x[i])) is not None:
-                    self._resistive[i], self.ends[:, i] = found, found.ends
+                found = near._resistive.get(i) if near is not None else None
+                ends = found.moved(outline.vertices) if found is not None else None
+                if ends is None and (found := _resistive(sensor, outline.vertices, x[i])) is not None:
+                    ends = found.ends
+                if found is not None and ends is not None:
+                    self._resistive[i], self.ends[:, i] = found, ends
             return
         for strip in _with_corner(sensor, outline, x):
             charges = Charges.on(strip.edges, sensor.length_mm / sensor.strip_width)
@@ -99,7 +107,7 @@ class WithCorners:
                 found[:, strip.index] = [strip.by_vertices(own, len(outline.vertices)) for own in by_edges]
         for i, resistive in self._resistive.items():
             if counts[i]:
-                found[:, i] = resistive.slopes()
+                found[:, i] = resistive.slopes
         return found
 
 
@@ -190,7 +198,7 @@ def resolved_slopes(
     for i in np.flatnonzero(~exact[np.abs(sensor.x_mm - x[:, None]).argmin(axis=1)]):
         if sensor.contact_lambda_mm > 0.0:
             if (found := _resistive(sensor, vertices, x[i])) is not None:
-                yield int(i), found.ends, found.slopes()
+                yield int(i), found.ends, found.slopes
             continue
         ends = resolved_ends([shapely.Polygon(vertices)], x[i], 2.0 * half, sensor.length_mm)
         over = (near.min(axis=0) < x[i] + half) & (near.max(axis=0) > x[i] - half)

@@ -10,18 +10,20 @@ moves outwards by n, l' or u' moves by the integral along the edge of d, that po
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import shapely
+from scipy.linalg import solveh_banded
 
 from tacstrip.arrays import FloatArray
-from tacstrip.network.nodal import Factored, Network
 from tacstrip.network.strips.resolved import Cells, cells, on_strip
 from tacstrip.sensor.closed_form import width_from_ideal
 
 _FEWEST, _MOST, _PER_LAMBDA = 12, 96, 4  # cells across
 _POINTS = 2.0  # of the quadrature along edges, a cell
 _SHORTEST = 1e-9  # of the width
+_NEAR = 0.04  # of the width and of lambda: what vertices may move by, for ends off by some 1e-5 of L
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +38,7 @@ class ResistiveEnds:
 
     ends: FloatArray
     _lambda: float
+    _reach: float  # of the slopes [mm]
     _vertices: FloatArray
     _grid: Cells
     _pull: FloatArray  # what either end moves by, a unit of area that is added (2, rows, columns) [1/mm]
@@ -50,29 +53,23 @@ class ResistiveEnds:
             return None
         across = int(np.clip(_PER_LAMBDA * width_mm / lambda_mm, _FEWEST, _MOST))
         grid = cells(contact, x_mm, width_mm, length_mm, across, min(width_mm, lambda_mm))
-        share = grid.shares(contact)
-        shape = share.shape
-        node = 2 + np.arange(share.size).reshape(shape)
-        node[0], node[-1] = 0, 1  # bars; the nodes that they replace float
-        ground = share.size + 2
-        along = np.broadcast_to(grid.widths / np.diff(grid.y)[:, None], (shape[0] - 1, shape[1]))
-        sideways = (grid.heights[:, None] / np.diff(grid.x))[1:-1]
-        real = share > 0.0
-        start = np.concatenate([node[:-1].ravel(), node[1:-1, :-1].ravel(), node[real]])
-        end = np.concatenate([node[1:].ravel(), node[1:-1, 1:].ravel(), np.full(real.sum(), ground)])
-        siemens = np.concatenate([along.ravel(), sideways.ravel(), share[real] / lambda_mm**2])
-        factored = Factored(Network(ground + 1, start, end, siemens), [ground])
-        bars = np.array([0, 1])
-        lower, upper = width_mm * factored.fed(bars, at=node.ravel()).T.reshape(2, *shape)
-        d = upper - lower
+        lower, upper = _fed_bars(grid, grid.shares(contact) / lambda_mm**2)
+        d = width_mm * (upper - lower)
         low, high = -d[0, 0], length_mm - d[-1, 0]
         wide = width_from_ideal(np.array([max(high - low, _SHORTEST * width_mm)]), lambda_mm)
         ends = 0.5 * (low + high + np.array([-1.0, 1.0]) * wide)
-        pull = np.stack([lower, upper]) * d / (width_mm * lambda_mm**2)
-        return cls(ends, lambda_mm, vertices, grid, pull)
+        pull = np.stack([lower, upper]) * d / lambda_mm**2
+        return cls(ends, lambda_mm, _NEAR * min(width_mm, lambda_mm), vertices, grid, pull)
 
+    def moved(self, vertices: FloatArray) -> FloatArray | None:
+        """Return the ends (2,) [mm] of vertices (V, 2) [mm], by slopes; None where they are too far off for that."""
+        if vertices.shape != self._vertices.shape or np.abs(vertices - self._vertices).max() > self._reach:
+            return None
+        return np.asarray(self.ends + self.slopes @ (vertices - self._vertices).ravel())
+
+    @cached_property
     def slopes(self) -> FloatArray:
-        """Return the slopes of l and u by `vertices.ravel()` (2, 2 V)."""
+        """The slopes of l and u by `vertices.ravel()` (2, 2 V)."""
         begin, edge = self._vertices, np.roll(self._vertices, -1, axis=0) - self._vertices
         turn = 1.0 if shapely.LinearRing(self._vertices).is_ccw else -1.0
         found = np.zeros((2, len(begin), 2))
@@ -104,3 +101,30 @@ class ResistiveEnds:
             for r in (row, row + 1)
         )
         return np.asarray((1.0 - up) * below + up * above)
+
+
+def _fed_bars(grid: Cells, leak: FloatArray) -> FloatArray:
+    """Return the potentials of the nodes while a current of 1 flows into the lower or the upper bar (2, rows, columns).
+
+    Nodes leak to ground (rows, columns). The rows between bars on 1 and on 0 are solved as a band; what leaves by the
+    other bar and by the leaks is then what is fed, without a difference of nearly equal currents.
+    """
+    rows, columns = leak.shape
+    along = grid.widths / np.diff(grid.y)[:, None]  # (rows - 1, columns)
+    sideways = grid.heights[1:-1, None] / np.diff(grid.x)
+    band = np.zeros((columns + 1, rows - 2, columns))  # the lower one, of a row after the other
+    band[0] = along[:-1] + along[1:] + leak[1:-1]
+    band[0, :, :-1] += sideways
+    band[0, :, 1:] += sideways
+    band[1, :, :-1] = -sideways
+    band[columns, :-1] = -along[1:-1]
+    right = np.zeros((rows - 2, columns, 2))
+    right[0, :, 0], right[-1, :, 1] = along[0], along[-1]
+    inner = solveh_banded(band.reshape(columns + 1, -1), right.reshape(-1, 2), lower=True, check_finite=False)
+    on = np.zeros((2, rows, columns))  # the potentials for a bar on 1
+    on[:, 1:-1] = inner.T.reshape(2, rows - 2, columns)
+    on[0, 0] = on[1, -1] = 1.0
+    across = float(along[-1] @ on[0, -2])
+    leaks = (on * leak).sum(axis=(1, 2))
+    of_bars = np.linalg.inv(np.diag(leaks) + across * np.array([[1.0, -1.0], [-1.0, 1.0]]))
+    return np.asarray(np.einsum("kb,brc->krc", of_bars, on))

@@ -14,7 +14,7 @@ further apart: differences across the width die out with exp(-pi y / b), those a
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,7 +28,7 @@ from tacstrip.contact.resolved_ends import resolved_ends
 from tacstrip.contact.shape import Contact
 from tacstrip.contact.signature import signatures
 from tacstrip.errors import ContactError, NetworkError
-from tacstrip.network.grid import check_count, shares
+from tacstrip.network.grid import check_count
 from tacstrip.network.nodal import Measurement
 from tacstrip.network.strips.measurements import solved
 from tacstrip.network.wires import Wires
@@ -67,10 +67,40 @@ class Cells:
         return np.diff(_between(self.y))
 
     def shares(self, area: BaseGeometry) -> FloatArray:
-        """Return how much of an area falls to each node's cell (rows, columns) [mm^2]."""
-        side, level = _between(self.x), _between(self.y)[:, None]
-        boxes = shapely.box(side[:-1], level[:-1], side[1:], level[1:])
-        return shares(area, boxes)
+        """Return how much of an area falls to each node's cell (rows, columns) [mm^2], exactly but for rounding.
+
+        Edge by edge: a column's part of an edge adds its width times the mean of min(y, level) to what lies below a
+        level.
+        """
+        side, level = _between(self.x), _between(self.y)
+        below = np.zeros((len(self.x), len(level)))
+        for start, end in _edges(area):
+            first, last = np.searchsorted(side, np.sort([start[0], end[0]]), side="right").clip(
+                1, len(self.x)
+            )
+            column = slice(first - 1, last)
+            a, b = (np.clip(at, side[:-1][column], side[1:][column])[:, None] for at in (start[0], end[0]))
+            if start[0] == end[0]:
+                continue
+            slope = (end[1] - start[1]) / (end[0] - start[0])
+            low, high = np.sort(
+                [start[1] + slope * (a - start[0]), start[1] + slope * (b - start[0])], axis=0
+            )
+            over = np.clip(level, low, high) - low
+            curved = np.divide(over**2, 2.0 * (high - low), out=np.zeros_like(over), where=high > low)
+            below[column] += (a - b) * (np.minimum(level, low) + over - curved)
+        found = np.diff(below).T
+        return np.where(found > _SLIVER * found.max(), found, 0.0)
+
+
+def _edges(area: BaseGeometry) -> Iterator[FloatArray]:
+    """Make the edges (2, 2) [mm] of an area's rings, outer ones anticlockwise and holes clockwise."""
+    for part in shapely.get_parts(area):
+        if shapely.get_type_id(part) != shapely.GeometryType.POLYGON:
+            continue
+        for number, ring in enumerate((part.exterior, *part.interiors)):
+            at = shapely.get_coordinates(ring)[:: 1 if ring.is_ccw == (number == 0) else -1]
+            yield from np.stack([at[:-1], at[1:]], axis=1)
 
 
 def _between(places: FloatArray) -> FloatArray:
@@ -344,7 +374,7 @@ def _measurement(sensor: Sensor, strip: int, contact: BaseGeometry, across: int)
         wires.same.append((touched[0], np.full_like(touched[0], metal) if metal is not None else touched[1]))
     if lam:
         share = grid.shares(contact).ravel()
-        real = share > _SLIVER * share.max()
+        real = share > 0.0
         ends = [layer[real] for layer in layers]
         siemens = share[real] / ((1.0 + ratio) * lam**2)
         wires.join(ends[0], np.full_like(ends[0], metal) if metal is not None else ends[1], siemens)

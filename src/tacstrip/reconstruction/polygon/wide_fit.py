@@ -51,12 +51,12 @@ class _Task:
     root_weight: FloatArray
     expected: tuple[float, float]  # x of the left and the right end [mm], known to a pitch
 
-    def read(self, outline: Outline) -> tuple[WithCorners, FloatArray]:
-        """Return the outline on the strips, and the readings (S, n)."""
+    def read(self, outline: Outline, near: WithCorners | None = None) -> tuple[WithCorners, FloatArray]:
+        """Return the outline on the strips, and the readings (S, n); from those of one `near` by where these tell."""
         half, reach = 0.5 * self.sensor.strip_width, self.x[self.used][[0, -1]]
         if outline.lower[0, 0] > reach[0] + half or outline.lower[-1, 0] < reach[1] - half:
             raise ContactError("a strip that reads is not touched")
-        wide = WithCorners(self.sensor, outline, self.x)
+        wide = WithCorners(self.sensor, outline, self.x, near)
         made = signatures(self.sensor, *wide.ends)
         return wide, np.stack([made[name] for name in self.names])
 
@@ -302,7 +302,7 @@ def _descended(task: _Task, outline: Outline) -> tuple[Outline, FloatArray, IntA
                 there = _moved(outline, step[place])
                 if np.ptp([*there.vertices[:, 1], 0.0, task.sensor.length_mm]) > task.sensor.length_mm:
                     raise ContactError("a corner is off the sensor")
-                wide, made = task.read(there)
+                wide, made = task.read(there, wide)
                 left = task.off(there, made)
                 better = bool(left @ left < off @ off)
             except ContactError:
