@@ -457,6 +457,20 @@ def test_init_prints_what_import_will_ask(folder: Path) -> None:
     assert (asked.returncode, "--answer unit=mV or --answer unit=code" in asked.stderr) == (1, True)
 
 
+def test_v_h_below_v_l_on_many_strips_is_asked_and_no_file_written(folder: Path) -> None:
+    rows = [
+        f"{n / 10},{s},{2.5 + n / 99:.3f},{2.5 - n / 99 + (n > 20):.3f}" for n in range(30) for s in range(3)
+    ]
+    (folder / "turned.csv").write_text("\n".join(["time_s,strip,v_h,v_l", *rows]) + "\n")
+    asked = run(folder, "import", "turned.csv", "small.toml", "-o", "turned.out.csv")
+    assert (asked.returncode, (folder / "turned.out.csv").exists()) == (1, False), asked.stderr
+    assert "v_h is below v_l on strip 0 of the scan from line" in asked.stderr
+    assert asked.stderr.rstrip().endswith("--answer exchanged=no")
+    _good(
+        run(folder, "import", "turned.csv", "small.toml", "-o", "turned.out.csv", "--answer", "exchanged=no")
+    )
+
+
 def test_metres_are_told(folder: Path) -> None:
     done = _good(run(folder, "init", "metres.toml", "--pitch", 0.004, "--length", 0.12))
     assert "Warning: pitch_mm = 0.004, length_mm = 0.12: mm, not m?" in done.stderr

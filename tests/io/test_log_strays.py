@@ -117,8 +117,23 @@ def test_a_last_line_of_as_many_numbers_is_not_offered_to_be_left_out() -> None:
     assert [q.choices for q in error.value.questions if q.key == "broken_lines"] == [()]
 
 
-@pytest.mark.parametrize("names", ["time_s,strip,v_l,v_h", "time_s,strip,v_l,temp"])
-def test_names_anew_in_another_order_are_refused(names: str) -> None:
+def _named_anew(names: str) -> str:
     rows = [f"{i // 3 / 10},{i % 3},{2 + i / 100:.2f},{1 + i / 100:.2f}" for i in range(24)]
+    turned = [",".join([*row.split(",")[:2], *row.split(",")[:1:-1]]) for row in rows[12:]]
+    return "\n".join(["time_s,strip,v_h,v_l", *rows[:12], names, *turned])
+
+
+@pytest.mark.parametrize("border", ["", "|"])
+def test_below_names_in_another_order_columns_are_read_by_these(border: str) -> None:
+    text = _named_anew("time_s,strip,v_l,v_h")
+    if border:  # a table in Markdown, with decimal commas and a note between
+        text = "\n".join(f"|{line.replace(',', '|').replace('.', ',')}|" for line in text.split("\n"))
+        text = text.replace("|time_s|strip|v_l", "\n*pausa, nota alle 10:42*\n\n|time_s|strip|v_l")
+    found = propose(of_text(text), TWO)
+    assert np.allclose([s.values[:, 0] - s.values[:, 1] for s in found.scans], 1.0)
+    assert any("in another order" in reason for reason in found.reasons)
+
+
+def test_other_names_anew_are_refused() -> None:
     with pytest.raises(ts.ReadingError, match="line 14 names the columns"):
-        propose(of_text("\n".join(["time_s,strip,v_h,v_l", *rows[:12], names, *rows[12:]])), TWO)
+        propose(of_text(_named_anew("time_s,strip,v_l,temp")), TWO)

@@ -20,6 +20,7 @@ from tacstrip.io.input_checks import half_read
 from tacstrip.io.log_import.containers import read_table
 from tacstrip.io.log_import.guess import Proposal, left_out, propose, settled
 from tacstrip.io.log_import.mapping import ColumnMapping
+from tacstrip.io.log_import.questions import Question, Unanswered
 from tacstrip.io.log_import.scans import scans
 from tacstrip.io.log_import.table import Table
 from tacstrip.io.log_import.write import at_rest, in_volts, rows, touched, write_log
@@ -30,6 +31,7 @@ from tacstrip.stream.replay import open_source
 
 _SHOWN_SCANS, _SHOWN_STRIPS = 2, 6
 _BELOW = 0.02  # of the largest reading: v_h below v_l by more is no noise
+_STRAYS = 2  # such readings, of which each may be a lost digit
 
 
 @click.command("import")
@@ -72,9 +74,10 @@ def command(
     with options.asked_of(log):
         table = read_table(log, sheet or told.get("sheet"))
         found = _mapped(table, given, sensor) if given else propose(table, sensor, told, _stated(spec))
-    for reason in found.reasons:
-        note(f"  {reason}")
-    warn(*found.doubts, _below(found), _all_touched(found, sensor), file=log)
+        for reason in found.reasons:
+            note(f"  {reason}")
+        below = _below(found, None if given else told.get("exchanged", ""))
+    warn(*found.doubts, below, _all_touched(found, sensor), file=log)
     _write(log, found, sensor, spec, output, force)
     _show(found, sensor)
     if not given:
@@ -133,8 +136,14 @@ def _write(
     click.echo(f"{output}: {many}")
 
 
-def _below(found: Proposal) -> str:
-    """Return a warning where v_h is below v_l on single strips, beyond noise."""
+def _below(found: Proposal, answer: str | None) -> str:
+    """Return a warning where v_h is below v_l beyond noise, on a stray strip or, if the answer is "no", on more.
+
+    Raises
+    ------
+    Unanswered
+        It is on more: nothing tells which channel is which there.
+    """
     if found.mapping.channels != ("h", "l"):
         return ""
     apart = np.stack([scan.values[:, 0] - scan.values[:, 1] for scan in found.scans])
@@ -144,9 +153,16 @@ def _below(found: Proposal) -> str:
         return ""
     scan, strip = wrong[0]
     more = f", and {len(wrong) - 1} time(s) more" if len(wrong) > 1 else ""
-    return (
+    text = (
         f"v_h is below v_l on strip {strip + found.mapping.strip_base} of the scan from line "
         f"{found.scans[scan].line}{more}: no sensor reads so; is a digit lost, or are columns exchanged?"
+    )
+    if len(wrong) <= _STRAYS or answer == "no":
+        return text
+    mended = () if found.mapping.which or (-apart < -_BELOW * top).sum() > _STRAYS else ("yes",)
+    choices = () if answer is None else (*mended, "no")  # a mapping takes no answer
+    raise Unanswered(
+        Question("exchanged", f"{text} Mend the log, or answer no to take it as it stands", choices)
     )
 
 

@@ -28,10 +28,11 @@ from tacstrip.io.log_import.headed import decimal_mark, headed
 from tacstrip.io.log_import.names import meanings
 from tacstrip.io.log_import.relations import joined
 from tacstrip.io.log_import.shape import in_normal_form
-from tacstrip.io.log_import.sheets import numbered_scans, of_scans, of_two_channels
+from tacstrip.io.log_import.sheets import numbered_scans, of_scans, of_strips, of_two_channels
 from tacstrip.io.log_import.table import Table, text_of
 from tacstrip.io.log_import.text import content_of, of_text
 from tacstrip.io.log_import.thousands import mark_thousands
+from tacstrip.io.log_import.uneven import in_first_order
 
 ALL = "all"  # sheets of one form
 _MOST_UNPACKED = 2**28  # bytes
@@ -51,7 +52,7 @@ class SeveralSheets(Exception):  # noqa: N818, a question
 
 
 def read_table(path: str | Path, sheet: str | None = None) -> Table:
-    """Read a log: .csv, .tsv, .txt, .log, .json, .jsonl and other text, .xlsx, .ods, .npz, .mat, .parquet.
+    """Read a log: .csv, .tsv, .txt, .log, .json, .jsonl and other text, .xlsx, .ods, .npz, .npy, .mat, .parquet.
 
     Parameters
     ----------
@@ -76,7 +77,7 @@ def read_table(path: str | Path, sheet: str | None = None) -> Table:
         match file.suffix.lower():
             case ".xlsx" | ".xlsm":
                 return _of_workbook(file, _sheets(file), sheet)
-            case ".npz":
+            case ".npz" | ".npy":
                 return _of_archive(_archive(file), path)
             case ".parquet":
                 return of_columns(_parquet(file))
@@ -229,8 +230,9 @@ def _of_workbook(file: Path, sheets: dict[str, list[list[Any]]], name: str | Non
     read = [title for title, table in tables.items() if table.named and table.rows and _holds_readings(table)]
     read = [title for title in read if _names_strips(tables[title])] or read or [*tables]
     kept = {title: tables[title] for title in read}
-    if both := of_two_channels(kept) or joined(tables):
-        return both
+    if both := of_two_channels(kept) or of_strips(kept) or joined(tables):
+        notes = (text_of(c) for title in sheets if title not in kept for row in sheets[title] for c in row)
+        return replace(both, preamble=(*filter(None, notes), *both.preamble))
     one = of_scans(kept) if len(kept) > 1 else None
     if one is not None and (name == ALL or numbered_scans(read)):
         return one
@@ -290,9 +292,10 @@ def _of_cells(cells: list[list[Any]], path: str | Path) -> Table:
         (i, [*row[:width], *[""] * (width - len(row))])
         for i, row in enumerate(rows, 1) if numbered[0][0] <= i <= numbered[-1][0]
     ]  # fmt: skip
+    split, anew = in_first_order(split, [], width, ".")
     text = "\n".join("\t".join([*row, *[""] * (width - len(row))]) for row in rows)
     return replace(
-        in_normal_form(headed(split, width, ".", told)),
+        in_normal_form(headed(split, width, ".", (*told, *anew))),
         of_content=lambda strips, channels: content_of(text, strips, channels),
     )
 
@@ -316,6 +319,11 @@ def _is_comma(text: str) -> bool:
 
 def _archive(file: Path) -> dict[str, npt.NDArray[Any]]:
     with file.open("rb") as opened, _library_at_work(file):
+        if file.suffix.lower() == ".npy":
+            saved = np.load(opened, allow_pickle=False)
+            if not saved.dtype.names or saved.ndim != 1:
+                raise ReadingError(f"{file}: an array without names; save its columns by name, with np.savez")
+            return {name: saved[name] for name in saved.dtype.names}
         _check_unpacked(file, opened)
         archive = np.load(opened, allow_pickle=False)
         found = {name: archive[name] for name in archive.files}

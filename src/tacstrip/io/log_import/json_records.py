@@ -211,21 +211,43 @@ def columns_within(value: Any) -> dict[str, list[Any]]:
 def _with_names(record: Mapping[str, Any]) -> dict[str, Any]:
     """Return a record with records in place of lists of as many values as a list of names beside them has.
 
+    A name may be of several levels; what stands beside has a value of each.
+
     Examples
     --------
     >>> _with_names({"columns": ["strip", "h"], "data": [[0, 2.5], [1, 2.4]]})
     {'entry': [{'strip': 0, 'h': 2.5}, {'strip': 1, 'h': 2.4}]}
+    >>> _with_names({"columns": [["h", 0], ["h", 1], ["h", 2]], "t": [0, 1], "data": [[5, 4, 3], [4, 3, 2]]})
+    {'entry': [{'t': 0, 'h 0': 5, 'h 1': 4, 'h 2': 3}, {'t': 1, 'h 0': 4, 'h 1': 3, 'h 2': 2}]}
     """
     lists = {k: v for k, v in record.items() if isinstance(v, list) and v}
-    named = [k for k, v in lists.items() if len(v) > 1 and all(isinstance(name, str) for name in v)]
+    named = {k: names for k, v in lists.items() if len(v) > 1 and all(names := [_name(name) for name in v])}
+    key, names = next(iter(named.items()), ("", []))
     rows = [
         k for k, v in lists.items()
-        if len(named) == 1 and all(isinstance(row, list) and len(row) == len(lists[named[0]]) for row in v)
+        if k != key and all(isinstance(row, list) and len(row) == len(names) for row in v)
     ]  # fmt: skip
-    if len(named) != 1 or len(rows) != 1 or len({*lists[named[0]]}) < len(lists[named[0]]):
+    if len(named) != 1 or len(rows) != 1 or len({*names}) < len(names):
         return dict(record)
-    others = {k: v for k, v in record.items() if k not in (named[0], rows[0])}
-    return others | {"entry": [dict(zip(lists[named[0]], row, strict=True)) for row in lists[rows[0]]]}
+    many = len(lists[rows[0]])
+    beside = {
+        k: v for k, v in lists.items() if len(v) == many and k not in (key, rows[0])
+        and not any(isinstance(e, list | dict) for e in v)
+    }  # fmt: skip
+    others = {k: v for k, v in record.items() if k not in (key, rows[0], *beside)}
+    return others | {
+        "entry": [
+            {k: v[n] for k, v in beside.items()} | dict(zip(names, row, strict=True))
+            for n, row in enumerate(lists[rows[0]])
+        ]
+    }
+
+
+def _name(value: Any) -> str:
+    """Return a name, or one of several levels that begins with a word; "" of what is none."""
+    if isinstance(value, list) and value and isinstance(value[0], str):
+        return " ".join(map(str, value)) if all(isinstance(v, str | int) for v in value) else ""
+    return value if isinstance(value, str) else ""
 
 
 def _exploded(record: Mapping[str, Any]) -> list[dict[str, str]]:

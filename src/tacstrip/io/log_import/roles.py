@@ -72,13 +72,21 @@ def are_channels(fields: set[str]) -> bool:
 
 
 def with_time_by_unit(clues: Clues, known: dict[str, Meaning]) -> dict[str, Meaning]:
-    """Return what columns are: the time is the only one of no known word in a unit of time that rises evenly."""
+    """Return what columns are: the time is the only one of no known word in a unit of time that rises evenly.
+
+    Or an index that rises and is not of whole numbers.
+    """
     if any(m.role == "time" for m in known.values()):
         return known
     found = [
         n for n, m in known.items()
         if m.role in ("", "scan") and unit_in(n) in TIME_UNITS and n not in clues.answers
         and rises_as_a_clock(clues.values(n)) and rises_evenly(clues.values(n))
+    ]  # fmt: skip
+    found = found or [
+        n for n, m in known.items()
+        if m.role == "scan" and n not in clues.answers and rises_as_a_clock(clues.values(n))
+        and not are_whole(clues.values(n))
     ]  # fmt: skip
     return known | {n: Meaning("time", unit=unit_in(n)) for n in found if len(found) == 1}
 

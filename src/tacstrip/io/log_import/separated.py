@@ -19,8 +19,8 @@ from tacstrip.io.log_import.table import ContradictionError, Table
 from tacstrip.io.log_import.uneven import (
     are_remarks,
     below_an_index,
-    check_names_anew,
     filled_fields,
+    in_first_order,
     under_more_names,
 )
 
@@ -111,7 +111,8 @@ def separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) -
     named = [(i, fields_of(_names_said(line, width, separator), separator)) for i, line in comments]
     if separator == _WIDE:  # names may stand nearer to each other than numbers
         named = [(i, row if len(row) == width else " ".join(row).split()) for i, row in named]
-    check_names_anew(split, named, width)
+    split, anew = in_first_order(split, named, width, decimal)
+    remarks += anew
     above = [line for _, line in comments]
     out = [
         i for i, row in named

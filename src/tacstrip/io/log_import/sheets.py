@@ -1,4 +1,4 @@
-"""Sheets of one workbook that are of one form, as one table: of the two channels, or of scans one after the other."""
+"""Sheets of one workbook that are of one form, as one table: of the two channels, of strips, or of scans in turn."""
 
 from __future__ import annotations
 
@@ -64,6 +64,29 @@ def of_scans(tables: Mapping[str, Table]) -> Table | None:
         return None
     rows = [[str(n), *row] for n, t in enumerate(tables.values()) for row in t.rows]
     return _joined(tables, ("scan", *first.names), rows, f"{told}, a scan each")
+
+
+def of_strips(tables: Mapping[str, Table]) -> Table | None:
+    """Return sheets of the same columns, each named for a strip, as one table; None where they are none.
+
+    All have the same times, in the same rows.
+    """
+    first = next(iter(tables.values()))
+    numbers = [meaning(title).strip for title in tables]
+    said = meanings(first.names)
+    counted = [n for n, m in said.items() if m.role in ("time", "scan")]
+    if (
+        len(tables) < 2 or None in numbers or len({*numbers}) < len(numbers) or not counted
+        or any(m.role == "strip" or m.strip is not None for m in said.values())
+        or any(t.names != first.names or t.decimal != first.decimal for t in tables.values())
+        or any(t.column(n) != first.column(n) for t in tables.values() for n in counted)
+    ):  # fmt: skip
+        return None
+    every = sorted(zip(numbers, tables.values(), strict=True), key=lambda pair: pair[0] or 0)
+    rows = [[str(number), *t.rows[n]] for n in range(len(first.rows)) for number, t in every]
+    told = f"sheets {', '.join(map(repr, tables))}: a strip each"
+    joined = _joined(tables, ("strip", *first.names), rows, told)
+    return replace(joined, lines=[line for line in first.lines for _ in every])
 
 
 def numbered_scans(titles: list[str]) -> bool:

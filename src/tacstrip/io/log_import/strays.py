@@ -12,6 +12,7 @@ from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.fields import is_prose, says_nothing
 from tacstrip.io.log_import.names import meanings
 from tacstrip.io.log_import.table import ContradictionError, NoTableError, Table
+from tacstrip.io.log_import.uneven import names_columns
 
 _NUMBER = re.compile(r"(?<![A-Za-z])[+-]?(?:\d+(?:[.:/-]\d+)*|\.\d+)(?:[eE][+-]?\d+)?|\b0x[\dA-Fa-f]+\b")
 _COMMA_WITHIN = re.compile(r"(?<=\d),(?=\d)")
@@ -214,6 +215,7 @@ def _told(table: Table, strays: frozenset[int], texts: dict[int, str]) -> Table:
         texts[i].startswith(texts[n]) for i in table.lines if i in texts
     )]  # fmt: skip
     _check_names(table, [n for n in there if n < first], texts)
+    _check_names_below(first, [n for n in there if n > first], texts)
     said = _quoted(there, texts)
     table = _without_lacking(table, broken)
     return replace(
@@ -228,7 +230,7 @@ def _told(table: Table, strays: frozenset[int], texts: dict[int, str]) -> Table:
 def _check_names(table: Table, above: list[int], texts: dict[int, str]) -> None:
     """Raise `NoTableError` where a table has no names, and a line set aside above it is of names in another order."""
     for n in () if table.named else above:
-        fields = [f for f in re.split(r"[\t;,|]|\s{2,}", texts[n].strip()) if f.strip()]
+        fields = _fields(texts[n])
         roles = [m.role for m in meanings(fields).values()]
         strips = [int(m[1]) for f in fields if (m := re.search(r"(\d+)\D*\Z", f))]
         if len(strips) > 1 and all(a < b for a, b in itertools.pairwise(strips)):
@@ -237,6 +239,19 @@ def _check_names(table: Table, above: list[int], texts: dict[int, str]) -> None:
             raise NoTableError(
                 f"line {n} ({texts[n].strip()[:_LONG]!r}) seems to name the columns: are they so?"
             )
+
+
+def _check_names_below(first: int, below: list[int], texts: dict[int, str]) -> None:
+    """Raise `NoTableError` where a line set aside among the rows has the names above them in another order."""
+    heads = [names for n in texts if n < first and names_columns(names := _fields(texts[n]))]
+    for n in below:
+        names = _fields(texts[n])
+        if any(sorted(names) == sorted(head) and names != head for head in heads):
+            raise NoTableError(f"line {n} ({texts[n].strip()[:_LONG]!r}) names the columns in another order")
+
+
+def _fields(line: str) -> list[str]:
+    return [f.strip() for f in re.split(r"[\t;,|]|\s{2,}", line.strip()) if f.strip()]
 
 
 def _shape(line: str) -> tuple[str, int]:

@@ -68,6 +68,8 @@ def of_text(text: str, path: str | Path = "the log") -> Table:
             f"{path}: line {text.count(chr(10), 0, endless.start()) + 1}: {len(endless.group())} characters and more "
             f"without an end ({endless.group()[:10]}...); damaged, or no log: take them out"
         )
+    head, mark, rest = text.rpartition("***End_of_Header***")  # of LabVIEW: its numbers are no readings
+    text = re.sub(r"(?m)^(?=.*\S)", "# ", head + mark) + rest
     text = _with_marks_of_nothing(_with_one_mark(text))
     table = with_retries(text, lambda strays: _with_lines(_announced(text, path, strays), text))
     return replace(table, of_content=lambda strips, channels: content_of(text, strips, channels))

@@ -75,7 +75,7 @@ _HERTZ = re.compile(
 )
 # As National Instruments' programs write it, in seconds.
 _INCREMENT = re.compile(
-    r"(?:^X_Dimension[\t;,]Time\b[\s\S]*?^Delta_X|^wf_increment)[\t;,]\s*([\d.,]+(?:E[+-]?\d+)?)",
+    r"(?:^(?:# )?X_Dimension[\t;,]Time\b[\s\S]*?^(?:# )?Delta_X|^wf_increment)[\t;,]\s*([\d.,]+(?:E[+-]?\d+)?)",
     re.IGNORECASE | re.MULTILINE,
 )
 _PERIOD = re.compile(

@@ -50,26 +50,58 @@ def filled_fields(row: list[str]) -> int:
     return max((n for n, cell in enumerate(row, 1) if cell), default=0)
 
 
-def check_names_anew(
-    split: list[tuple[int, list[str]]], named: list[tuple[int, list[str]]], width: int
-) -> None:
-    """Raise `ContradictionError` where a line among the rows names columns otherwise than the first names do."""
+def in_first_order(
+    split: list[tuple[int, list[str]]], named: list[tuple[int, list[str]]], width: int, decimal: str
+) -> tuple[list[tuple[int, list[str]]], tuple[str, ...]]:
+    """Return rows with their fields in the order of the first names, where these come again in another; and remarks.
+
+    Raises
+    ------
+    ContradictionError
+        A line among the rows names columns otherwise than the first names do.
+
+    Examples
+    --------
+    >>> rows = [(1, ["t", "h", "l"]), (2, ["0", "5", "4"]), (3, ["t", "l", "h"]), (4, ["1", "4", "5"])]
+    >>> in_first_order(rows, [], 3, ".")[0]
+    [(1, ['t', 'h', 'l']), (2, ['0', '5', '4']), (3, ['t', 'h', 'l']), (4, ['1', '5', '4'])]
+    """
     heads = [(i, row) for i, row in sorted([*split, *named]) if len(row) == width and names_columns(row)]
-    first = next((i for i, row in split if len(row) == width and sum(is_value(c, ".") for c in row) > 1), 0)
+    first = next(
+        (i for i, row in split if len(row) == width and sum(is_value(c, decimal) for c in row) > 1), 0
+    )
     above = [row for i, row in heads if i < first]
-    others = [(i, row) for i, row in heads if i > first and above and row != above[-1]]
-    if others:
-        raise ContradictionError(
-            f"line {others[0][0]} names the columns {', '.join(others[0][1])}, and the first names are "
-            f"{', '.join(above[-1])}: two tables in one log; save them as two files"
-        )
+    later = {i: row for i, row in heads if i > first and above}
+    others = {i: row for i, row in later.items() if row != above[-1]}
+    for i, row in others.items():
+        if sorted(row) != sorted(above[-1]) or any(
+            bool(a) != bool(b) for a, b in zip(row, above[-1], strict=True)
+        ):
+            raise ContradictionError(
+                f"line {i} names the columns {', '.join(row)}, and the first names are "
+                f"{', '.join(above[-1])}: two tables in one log; save them as two files"
+            )
+    if not others:
+        return split, ()
+    found = []
+    for i, row in split:
+        names = later[max(n for n in later if n <= i)] if i >= min(later) else above[-1]
+        order = [names.index(name) if name else n for n, name in enumerate(above[-1])]
+        found.append((i, [row[n] for n in order] if len(row) == width else row))
+    lines = ", ".join(map(str, others))
+    return found, (f"line(s) {lines}: the names in another order; what stands below is read by them",)
 
 
 def names_columns(row: list[str]) -> bool:
     """Return whether a row is one of names: words only, at least two of which tell what a column is."""
-    if not all(row) or len({*row}) < len(row) or any(is_value(c, ".") or says_nothing(c) for c in row):
+    row = row and row[not row[0] : len(row) - (not row[-1])]  # a border parts off an empty field at both ends
+    if not all(row) or len({*row}) < len(row) or any(map(_is_no_name, row)):
         return False
     return sum(m.role != "" for m in meanings(row).values()) > 1
+
+
+def _is_no_name(field: str) -> bool:
+    return is_value(field, ".") or is_value(field, ",") or says_nothing(field)
 
 
 def below_an_index(split: list[tuple[int, list[str]]], width: int) -> list[tuple[int, list[str]]]:
