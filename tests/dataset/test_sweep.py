@@ -293,6 +293,7 @@ def test_the_pareto_front_is_drawn_where_rates_are_not_known(tmp_path: Path) -> 
         ("from = 0.0005, ", "", "a range needs two numbers"),
         ('what = ["bound"]', 'what = ["beauty"]', "choose one of: bound, polygon"),
         ("scans = 2", "scans = 0", "scans = 0: must be a whole number"),
+        ("scans = 2", "scans = 2147483648", "scans = 2147483648: must be a whole number from 1 to 1000000"),
         ("corners = 4", "n = 4", "is `scans` in"),
         ("[latin.noise]\npositional", "[latin.sensor]\npitch_mm", "stands in .vary. and in .latin."),
         ("[measure]", "[measured]", "unknown key 'measured'"),

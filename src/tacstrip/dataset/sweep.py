@@ -50,6 +50,7 @@ _OF_RANGE = ("from", "to", "steps", "log", "whole")
 _OF_MEASURE = ("what", "scans", "batch_designs")
 _BATCH_S = 3.0  # of work in a batch, by the rough costs of measures
 _MOST_DESIGNS = 10**9
+_MOST = 10**6  # scans of a design, samples, steps of a range
 _TRIES = 3  # of a batch whose worker is lost
 
 
@@ -509,6 +510,6 @@ def _within(at: Any, low: float, high: float, log: bool, whole: bool) -> list[An
 
 
 def _count(name: str, value: Any) -> int:
-    if not isinstance(value, int) or isinstance(value, bool) or value < 1:
-        raise OptionError(f"{name} = {value!r}: must be a whole number, 1 or more")
+    if not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= _MOST:
+        raise OptionError(f"{name} = {value!r}: must be a whole number from 1 to {_MOST}")
     return value
