@@ -114,8 +114,8 @@ def test_one_strip_worked_by_hand() -> None:
     rung, along = 1.0 / (g * (50.0 - inwards) ** 2 / 100.0), r1 * 50.0
     expected = 0.5 * rung / (rung + along)
     kh, kl = crp_spans.own_electrodes(sensor, np.array([0.0]), np.array([L]), rows=2)
-    assert kl[0] == pytest.approx(expected, abs=1e-13)
-    assert kh[0] == pytest.approx(1.0 - expected, abs=1e-13)
+    assert kl[0] == pytest.approx(expected, abs=1e-14)
+    assert kh[0] == pytest.approx(1.0 - expected, abs=1e-14)
 
 
 def test_a_mirrored_contact_reads_mirrored() -> None:

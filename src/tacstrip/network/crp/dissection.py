@@ -44,7 +44,7 @@ def _dissected(lines: int, rows: int, each: int) -> IntArray:
         own = place[first * each + (first > 0) : end * each + (end == strips), low:high]
         across, along = own.shape
         if along < 2 or (end - first == 1 and own.size <= _FEWEST):
-            parts.append(own.T.ravel())
+            parts.append(own[:, ::-1].ravel())
         elif end - first > 1 and along <= _FLAT * across:
             middle = (first + end) // 2
             part(first, middle, low, high)
