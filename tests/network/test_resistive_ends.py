@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import shapely
 
 import tacstrip as ts
 from tacstrip.network.strips.resistive_ends import ResistiveEnds
-from tacstrip.network.strips.resolved import wide_readings
+from tacstrip.network.strips.resolved import Cells, wide_readings
 
 SHAPE = np.array([(14.37, 28.37), (60.37, 44.37), (66.37, 75.37), (20.37, 59.37)])
 
@@ -42,3 +43,24 @@ def test_readings_and_slopes_are_those_of_networks(strip: int, way: int) -> None
 
 def test_off_the_strip_there_is_none() -> None:
     assert ResistiveEnds.of(SHAPE, 2.5, 5.0, 100.0, 2.5) is None
+
+
+def test_cells_hold_the_areas_that_intersections_have() -> None:
+    grid = Cells(np.linspace(0.0, 5.0, 8), np.array([0.0, 1.0, 4.0, 4.5, 7.0, 10.0]))
+    area = shapely.Polygon(
+        [(0.0, 1.0), (5.0, 0.5), (4.0, 9.0), (2.0, 6.0)], [[(2.0, 2.0), (3.0, 2.0), (3.0, 4.2)]]
+    )
+    both = shapely.union(area, shapely.box(0.0, 9.0, 1.0, 9.5))
+    side, level = (np.concatenate([a[:1], 0.5 * (a[1:] + a[:-1]), a[-1:]]) for a in (grid.x, grid.y))
+    boxes = shapely.box(side[:-1], level[:-1, None], side[1:], level[1:, None])
+    np.testing.assert_allclose(grid.shares(both), shapely.area(shapely.intersection(both, boxes)), atol=1e-13)
+
+
+def test_slopes_lead_on_as_far_as_they_tell() -> None:
+    found = on_strip(SHAPE, 2)
+    near, far = SHAPE + 0.049 * np.array([[1.0, -1.0]]), SHAPE + 0.2
+    ends = found.moved(near)
+    assert ends is not None
+    np.testing.assert_allclose(ends, on_strip(near, 2).ends, atol=2e-3)  # 2e-5 of L
+    assert found.moved(far) is None
+    assert found.moved(SHAPE[:3]) is None

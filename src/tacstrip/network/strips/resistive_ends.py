@@ -23,7 +23,7 @@ from tacstrip.sensor.closed_form import width_from_ideal
 _FEWEST, _MOST, _PER_LAMBDA = 12, 96, 4  # cells across
 _POINTS = 2.0  # of the quadrature along edges, a cell
 _SHORTEST = 1e-9  # of the width
-_NEAR = 0.04  # of the width and of lambda: what vertices may move by, for ends off by some 1e-5 of L
+_NEAR = 0.02  # of the width and of lambda: what vertices may move by, for ends off by some 1e-5 of L
 
 
 @dataclass(frozen=True, eq=False)
