@@ -25,7 +25,7 @@ from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
 from tacstrip.reconstruction.on_surface import on_surface, refuse_surface
 from tacstrip.reconstruction.polygon.convexity import NEAR_ENOUGH, nearest_convex
 from tacstrip.reconstruction.polygon.faulty_channel import contradictory, fit_without, without_one
-from tacstrip.reconstruction.polygon.objects import reconstruct_object
+from tacstrip.reconstruction.polygon.objects import Asked, reconstruct_object
 from tacstrip.reconstruction.polygon.outline_estimate import FittedContact
 from tacstrip.reconstruction.polygon.run import (
     MOST_SIGMA,
@@ -159,24 +159,11 @@ def _fit_polygon(
     if contacts and contacts[-1].strips.start >= sensor.strips:  # near the seam, not across it
         laid_out, surface = unrolled(scan, sensor)
         contacts = _contacts(laid_out, surface, noise, max_vertices, vertices)
-    result = Reconstruction(
-        "polygon",
-        tuple(
-            reconstruct_object(
-                laid_out.read_on(c.strips),
-                surface,
-                c,
-                noise,
-                bounded and _has_bound(noise, scan),
-                sensor.strips,
-                assessment,
-                area,
-                one_object,
-            )
-            for c in contacts
-        ),
-        scan.time_s,
+    asked = Asked(
+        surface, noise, bounded and _has_bound(noise, scan), sensor.strips, assessment, area, one_object
     )
+    found = tuple(reconstruct_object(laid_out.read_on(c.strips), c, asked) for c in contacts)
+    result = Reconstruction("polygon", found, scan.time_s)
     return doubt_implausible(result, scan, sensor)
 
 

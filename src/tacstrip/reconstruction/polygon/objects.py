@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.contact.noise import Noise
 from tacstrip.core.outline_model import OutlineModel
 from tacstrip.core.polygon_fit import PolygonFit
@@ -20,6 +20,8 @@ from tacstrip.reconstruction.noise_covariance import (
     averaging_advice,
     signature_advice,
 )
+from tacstrip.reconstruction.pieces.pair import Pair
+from tacstrip.reconstruction.polygon.convexity import OneConvex
 from tacstrip.reconstruction.polygon.faulty_channel import contradictory
 from tacstrip.reconstruction.polygon.goodness_of_fit import (
     misfit,
@@ -45,11 +47,12 @@ from tacstrip.reconstruction.polygon.wide_fit import contradicted_by_outer_strip
 from tacstrip.reconstruction.posterior.assessment import (
     HELD_STRIPS,
     PROMISED_IOU,
+    Assessment,
     Effort,
     assess,
     few_strips,
 )
-from tacstrip.reconstruction.result import Profile, RecoveredObject
+from tacstrip.reconstruction.result import Alternative, Profile, RecoveredObject, Status
 from tacstrip.scan import Scan
 from tacstrip.sensor.closed_form import lower_from_width
 from tacstrip.sensor.left_out import channel_name
@@ -70,46 +73,98 @@ _TWICE = (
 )
 
 
-def reconstruct_object(
-    scan: Scan,
-    sensor: Sensor,
-    contact: FittedContact,
-    noise: Noise | None,
-    bounded: bool,
-    around: int,
-    effort: Effort = "none",
-    area_mm2: tuple[float, float] | None = None,
-    one_object: bool = False,
-) -> RecoveredObject:
-    """Return the object that a contact's fit stands for.
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """What contacts are judged by.
 
-    Parameters
+    Attributes
     ----------
-    scan, sensor
-        What was measured, with what.
-    contact
-        One contact's strips and fits.
+    sensor
+        What measured them.
     noise, bounded
         The readings' errors if known, and whether to use that they have a bound.
     around
         Strips after which their numbers begin again, for `unrolled` ones.
     effort
-        Of assessing how sure the shape is.
+        Of assessing how sure a shape is.
     area_mm2
         Mean and standard deviation of the contact's area, where that is known.
     one_object
-        Whether it is known that the contact is one object.
+        Whether it is known that a contact is one object.
     """
-    strips, run = contact.strips, contact.run
-    notes = notes_of(scan, sensor, contact, around, noise is not None)
+
+    sensor: Sensor
+    noise: Noise | None
+    bounded: bool
+    around: int
+    effort: Effort = "none"
+    area_mm2: tuple[float, float] | None = None
+    one_object: bool = False
+
+    @property
+    def distribution(self) -> str | None:
+        """Of the errors; None where nobody knows their size."""
+        if self.noise is None:
+            return None
+        return self.noise.distribution if self.noise.independent else "normal"
+
+
+@dataclass(frozen=True, eq=False)
+class _Choice:
+    """The outline that a contact is given, and what the search for it told.
+
+    Attributes
+    ----------
+    contact, estimate
+        What was fitted, perhaps with readings that a first fit left out, and the outline.
+    faint
+        Whether it is a triangle that one signature cannot tell from a line.
+    wrong
+        What the outline does not explain; "" where it explains all.
+    convex
+        One convex object that explains all readings, where the outline alone does not tell.
+    two, pair
+        Probability that so few readings are of two objects, and the likeliest two where readings tell.
+    beyond
+        Readings (S, n) that no outline can have.
+    assessed
+        What other outlines that explain the readings say.
+    """
+
+    contact: FittedContact
+    estimate: Estimate
+    faint: bool
+    wrong: str
+    convex: OneConvex | None
+    two: float
+    pair: Pair | None
+    beyond: BoolArray
+    assessed: Assessment
+
+
+@dataclass(frozen=True, eq=False)
+class _Verdict:
+    """How far a chosen outline is to be trusted: fields of the same names of a `RecoveredObject`; `faulty` (S, n)."""
+
+    status: Status
+    advice: str
+    confidence: float | None
+    alternatives: tuple[Alternative, ...]
+    faulty: BoolArray
+
+
+def reconstruct_object(scan: Scan, contact: FittedContact, asked: Asked) -> RecoveredObject:
+    """Return the object that a contact's fit stands for; `scan` is what was measured."""
+    sensor, strips, run = asked.sensor, contact.strips, contact.run
+    notes = notes_of(scan, sensor, contact, asked.around, asked.noise is not None)
     x = sensor.x_mm[strips]
     if run.selection is None:
         few = f"{strips.stop - strips.start} strips are touched, too few for a polygon: use finer strips"
         if scan.signatures == ("k",):
-            return _places(scan, sensor, strips, noise, notes)
+            return _places(scan, sensor, strips, asked.noise, notes)
         raw = _raw_profile(scan, sensor, strips)
         return RecoveredObject(strips, profile=raw, status="too few strips", advice="; ".join([few, *notes]))
-    fit, faint = _chosen(run, noise is not None)
+    fit, faint = _selected(run, asked.noise is not None)
     model: OutlineModel = fit
     if run.model is not None and not isinstance(run.model, PolygonFit):
         model, faint = run.model, False
@@ -120,15 +175,44 @@ def reconstruct_object(
         return RecoveredObject(
             strips, profile=profile, status="too few transitions", advice="; ".join([line, *notes])
         )
-    given, unbounded = Estimate.of(contact, sensor, scan, noise, model, in_mm), ""
-    if bounded and noise is not None and model is fit:
+    given = Estimate.of(contact, sensor, scan, asked.noise, model, in_mm)
+    choice = _choice(scan, contact, asked, given, within=model is fit, faint=faint)
+    verdict = _verdict(scan, asked, choice, fit)
+    estimate, outline = choice.estimate, choice.estimate.outline
+    covariance, polygon = estimate.propagated(), isinstance(estimate.model, PolygonFit)
+    return RecoveredObject(
+        strips,
+        outline.vertices.copy(),
+        (x, np.interp(x, *outline.lower.T), np.interp(x, *outline.upper.T)),
+        covariance,
+        verdict.status,
+        verdict.advice,
+        guarantee=estimate.guarantee,
+        uniform=_upright(outline, covariance, sensor) if polygon else (),
+        model=None if polygon else type(estimate.model),
+        kind=estimate.model.kind,
+        confidence=verdict.confidence,
+        alternatives=verdict.alternatives,
+        faulty=tuple(
+            channel_name((i + contact.fitted.start) % asked.around, scan.signatures[s], sensor.strip_base)
+            for s, i in np.argwhere(verdict.faulty)
+        ),
+    )
+
+
+def _choice(
+    scan: Scan, contact: FittedContact, asked: Asked, given: Estimate, within: bool, faint: bool
+) -> _Choice:
+    """Return the outline to give: that of least squares, what the noise's bound leaves (`within`), or a drawn one."""
+    sensor, noise, distribution = asked.sensor, asked.noise, asked.distribution
+    run, unbounded = contact.run, ""
+    if asked.bounded and noise is not None and within:
         given, unbounded = given.within_bound(contact, sensor, scan, noise, faint)
-    distribution = None if noise is None else noise.distribution if noise.independent else "normal"
-    wrong = misfit(run, distribution, given.slopes, given.errors, one_object) or unbounded
-    asked = wrong or np.count_nonzero(run.excluded)
-    convex = one_convex(run, distribution, given.outline, sensor, contact.readings) if asked else None
+    wrong = misfit(run, distribution, given.slopes, given.errors, asked.one_object) or unbounded
+    doubtful = wrong or np.count_nonzero(run.excluded)
+    convex = one_convex(run, distribution, given.outline, sensor, contact.readings) if doubtful else None
     assessing = partial(
-        assess, sensor=sensor, sigma_known=noise is not None, effort=effort, area_mm2=area_mm2,
+        assess, sensor=sensor, sigma_known=noise is not None, effort=asked.effort, area_mm2=asked.area_mm2,
         known_count=contact.known_count,
     )  # fmt: skip
     two, assessed = 0.0, None
@@ -145,9 +229,9 @@ def reconstruct_object(
         else:
             convex = None
     wrong, pair = second_look(
-        run, distribution, given.outline, sensor, wrong, contact.readings, convex, one_object
+        run, distribution, given.outline, sensor, wrong, contact.readings, convex, asked.one_object
     )
-    if one_object:
+    if asked.one_object:
         two, pair = 0.0, None
     beyond = beyond_outline(run, contact.readings)
     if assessed is None:
@@ -156,16 +240,29 @@ def reconstruct_object(
         )
         if assessed.better is not None:
             faint, given = False, Estimate.of(contact, sensor, scan, noise, assessed.better)
-    outline, covariance = given.outline, given.propagated()
+    return _Choice(contact, given, faint, wrong, convex, two, pair, beyond, assessed)
+
+
+def _verdict(scan: Scan, asked: Asked, choice: _Choice, fit: PolygonFit) -> _Verdict:
+    """Return what speaks against the outline chosen; `fit` is the polygon of least squares."""
+    sensor, noise, effort = asked.sensor, asked.noise, asked.effort
+    contact, assessed, convex = choice.contact, choice.assessed, choice.convex
+    run, outline = contact.run, choice.estimate.outline
+    covariance = choice.estimate.propagated()
     second = signature_advice(sensor) if len(run.problem.k) == 1 else ""
     never = bool(second) and few_strips(run)
     averaging = "" if never else averaging_advice(noise, sensor, Averaging.of(scan))
     weak = (
         _FAINT.format(", or ".join(filter(None, (averaging, second or "use finer strips"))))
-        if faint
-        else weakness(run, given.model, outline.vertices, covariance, averaging, second, noise is not None)
+        if choice.faint
+        else weakness(
+            run, choice.estimate.model, outline.vertices, covariance, averaging, second, noise is not None
+        )
     )
-    uncounted = uncounted_vertices(contact, fit, assessed, noise is not None, second)
+    wrong, uncounted = (
+        choice.wrong,
+        uncounted_vertices(contact, fit, assessed, noise is not None, second),
+    )
     if assessed.explained and second and (contact.known_count is None or assessed.better is not None):
         # Outlines that the fit did not find explain the readings, and the confidence counts them: for what it is
         # worth where nobody knows the noise.
@@ -175,58 +272,37 @@ def reconstruct_object(
     wrong = wrong or uncounted
     if second and effort != "none" and not wrong:  # with both signatures the others tell an outline's ends
         wrong = contradicted_by_outer_strip(
-            scan, sensor, strips, contact.fitted, outline, covariance, run.sigma
+            scan, sensor, contact.strips, contact.fitted, outline, covariance, run.sigma
         )
-    if area_mm2 is not None and not wrong:
-        wrong = other_area(outline, covariance, area_mm2, (len(x) + 1) * sensor.pitch_mm * sensor.length_mm)
+    if asked.area_mm2 is not None and not wrong:
+        most = (contact.strips.stop - contact.strips.start + 1) * sensor.pitch_mm * sensor.length_mm
+        wrong = other_area(outline, covariance, asked.area_mm2, most)
     # A confidence takes the readings for explained, if by others than the fit.
     explained = not wrong or (wrong == uncounted and assessed.better is not None)
     confidence, alternatives = assessed.confidence if explained else None, assessed.alternatives
     note = ""
-    if pair is not None:
-        confidence, alternatives, sure = beside_pair(pair, confidence, alternatives)
+    if choice.pair is not None:
+        confidence, alternatives, sure = beside_pair(choice.pair, confidence, alternatives)
         if not wrong:
-            right = pair.overlap(outline.vertices) >= PROMISED_IOU
-            wrong, note = two_objects(pair, right, sure)
-    if two and not wrong:
-        wrong = _FEW_TELL.format(run.problem.x.size, two)
-        confidence = None if confidence is None else (1.0 - two) * confidence
+            right = choice.pair.overlap(outline.vertices) >= PROMISED_IOU
+            wrong, note = two_objects(choice.pair, right, sure)
+    if choice.two and not wrong:
+        wrong = _FEW_TELL.format(run.problem.x.size, choice.two)
+        confidence = None if confidence is None else (1.0 - choice.two) * confidence
     faulty = np.zeros_like(run.excluded) if convex is None else convex.run.excluded
     if convex is None and not wrong:  # else it may be the outline
         faulty = contradictory(run, sensor, contact.readings)
-        if beyond.any():
-            faulty = faulty | beyond & at_a_rail(run, contact.readings)
-    if faulty.any() and not wrong and bridged(contact, sensor, around):
+        if choice.beyond.any():
+            faulty = faulty | choice.beyond & at_a_rail(run, contact.readings)
+    if faulty.any() and not wrong and bridged(contact, sensor, asked.around):
         wrong, confidence = _TWICE, None
-    if convex is not None or faulty.any():
-        notes = notes_of(scan, sensor, contact, around, noise is not None, faulty, convex=convex is not None)
+    notes = notes_of(scan, sensor, contact, asked.around, noise is not None, faulty, convex is not None)
+    area_known = asked.area_mm2 is not None
     status, advice = status_of(
-        wrong,
-        weak,
-        assessed,
-        effort,
-        second,
-        averaging,
-        area_mm2 is not None,
-        *enough_of(run, effort, second),
+        wrong, weak, assessed, effort, second, averaging, area_known, *enough_of(run, effort, second)
     )
-    return RecoveredObject(
-        strips,
-        outline.vertices.copy(),
-        (x, np.interp(x, *outline.lower.T), np.interp(x, *outline.upper.T)),
-        covariance,
-        status,
-        "; ".join(filter(None, [*advice, note, *notes])),
-        guarantee=given.guarantee,
-        uniform=_upright(outline, covariance, sensor) if isinstance(given.model, PolygonFit) else (),
-        model=None if isinstance(given.model, PolygonFit) else type(given.model),
-        kind=given.model.kind,
-        confidence=confidence,
-        alternatives=alternatives,
-        faulty=tuple(
-            channel_name((i + contact.fitted.start) % around, scan.signatures[s], sensor.strip_base)
-            for s, i in np.argwhere(faulty)
-        ),
+    return _Verdict(
+        status, "; ".join(filter(None, [*advice, note, *notes])), confidence, alternatives, faulty
     )
 
 
@@ -261,7 +337,7 @@ def _upright(outline: Outline, covariance: FloatArray, sensor: Sensor) -> tuple[
     return tuple(i for i in places if covariance[i, i] > _ANYWHERE * sensor.pitch_mm**2 / 12.0)
 
 
-def _chosen(run: RunFit, known: bool) -> tuple[PolygonFit, bool]:
+def _selected(run: RunFit, known: bool) -> tuple[PolygonFit, bool]:
     """Return the fit to give, and whether it is a triangle that one signature cannot tell from a line."""
     assert run.selection is not None
     if run.selection.chosen.n_interior or len(run.problem.k) > 1:
