@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import tacstrip as ts
-from tacstrip.errors import ReadingError
+from tacstrip.errors import OptionError, ReadingError
 from tacstrip.io.log_import.guess import Proposal, propose
+from tacstrip.io.log_import.mapping import ColumnMapping
 from tacstrip.io.log_import.questions import Unanswered
 from tacstrip.io.log_import.text import of_text
 
@@ -58,9 +61,24 @@ def test_a_line_between_even_scans_loses_none(line: str) -> None:
 
 
 @pytest.mark.parametrize("cut", [7, 12, 26])
-def test_a_scan_that_is_cut_in_the_middle_is_asked(cut: int) -> None:
+def test_a_scan_that_is_cut_in_the_middle_is_left_out_with_a_warning(cut: int) -> None:
+    found = _read(_NAMES, *_ROWS[:4], _ROWS[4][:-cut], *_ROWS[5:])
+    _assert_scans(found, [n for n in range(_SCANS) if n != 4])
+    assert any("left out: line 6" in doubt for doubt in found.doubts)
+
+
+def test_a_row_that_lacks_a_field_is_left_out_and_no_other_strip_is_read() -> None:
+    rows = [row.replace(",", " ") for row in _ROWS]
+    found = _read(
+        _NAMES.replace(",", " "), *rows[:4], rows[4].replace(" ", "!", 1).partition("!")[2], *rows[5:]
+    )
+    _assert_scans(found, [n for n in range(_SCANS) if n != 4])
+
+
+@pytest.mark.parametrize("line", ["80: no contact", "80;2.5;1.2;2.6;1.3;2.7;1.4"])
+def test_a_line_that_may_be_a_whole_scan_is_asked(line: str) -> None:
     with pytest.raises(Unanswered, match="broken_lines"):
-        _read(_NAMES, *_ROWS[:4], _ROWS[4][:-cut], *_ROWS[5:])
+        _read(_NAMES, *_ROWS[:4], line, *_ROWS[5:])
 
 
 def test_several_rows_of_numbers_of_another_form_at_the_end_are_asked() -> None:
@@ -143,3 +161,63 @@ def test_names_in_another_order_behind_a_time_are_not_passed_over() -> None:
     except (Unanswered, ReadingError):
         return
     _assert_scans(found, [*range(_SCANS)])
+
+
+def _long(skip: tuple[tuple[int, int], ...] = (), nothing: bool = True) -> str:
+    """Return a line for each strip, but for some; strip 2 is touched in no scan of an even number."""
+    rows = ["t_ms,strip,h_V,l_V"]
+    for n in range(_SCANS):
+        for s, (high, low) in enumerate(_VOLTS[n]):
+            idle = s == 2 and n % 2 == 0
+            if (n, s) not in skip and (nothing or not idle):
+                rows.append(f"{20 * n},{s}," + ("," if idle else f"{high:.4f},{low:.4f}"))
+    return "\n".join(rows) + "\n"
+
+
+def test_scans_that_lost_a_line_are_left_out_where_untouched_strips_have_theirs() -> None:
+    found = propose(of_text(_long(((3, 1),))), _SENSOR)
+    assert found.mapping.missing == "skip"
+    assert [round(50.0 * s.time_s) for s in found.scans] == [0, 1, 2, 4, 5, 6, 7, 8]
+    assert any("1 scan(s) left out, from line(s) 11" in doubt for doubt in found.doubts)
+    with pytest.raises(Unanswered, match="missing=untouched"):  # it may be untouched, as others may
+        propose(of_text(_long(((3, 1),), nothing=False)), _SENSOR)
+
+
+def test_a_lost_pair_of_named_values_is_no_sign_of_no_contact() -> None:
+    pairs = [[f"h{s}={h:.3f}V l{s}={low:.3f}V" for s, (h, low) in enumerate(scan)] for scan in _VOLTS]
+    rows = [
+        f"t={20 * n}ms bat=4.{n}V " + " ".join(scan[: 2 if n == 4 else 3]) for n, scan in enumerate(pairs)
+    ]
+    with pytest.raises(Unanswered):  # a line that is cut, in a log that has all strips elsewhere
+        _read(*rows)
+    many = [3, 3, 2, 1, 0, 0, 0, 1, 2]
+    found = _read(*(f"t={20 * n}ms bat=4.{n}V " + " ".join(scan[: many[n]]) for n, scan in enumerate(pairs)))
+    assert [int(np.isfinite(s.values).any(axis=1).sum()) for s in found.scans] == many
+
+
+def test_a_tick_of_a_timer_is_a_unit_of_time(tmp_path: Path) -> None:
+    rows = [",".join([str(8 * n), *row.split(",")[1:]]) for n, row in enumerate(_ROWS)]
+    found = _read(_NAMES.replace("t_ms", "tick"), *rows, time_unit="2.5ms")
+    _assert_scans(found, [*range(_SCANS)])
+    found.mapping.save(tmp_path / "map.toml")
+    assert ColumnMapping.load(tmp_path / "map.toml") == found.mapping
+    _assert_scans(_read("# tick = 2.5 ms", _NAMES.replace("t_ms", "tick"), *rows), [*range(_SCANS)])
+    with pytest.raises(OptionError, match="time_unit"):
+        _read(_NAMES.replace("t_ms", "tick"), *rows, time_unit="2.5")
+
+
+def test_exchanged_ends_of_some_scans_are_asked_in_frames_too() -> None:
+    rows = [row.split(",") for row in _ROWS]
+    rows[5:] = [[row[0], *(row[k] for k in (2, 1, 4, 3, 6, 5))] for row in rows[5:]]
+    names = [name.replace("t_ms", "time_ms") for name in _NAMES.split(",")]
+    frame = {name: [float(row[k]) for row in rows] for k, name in enumerate(names)}
+    with pytest.raises(ReadingError, match="v_h is below v_l on strip 0"):
+        ts.read_readings(Frame(frame), _SENSOR)
+
+
+class Frame(dict):
+    """What of a pandas DataFrame is used."""
+
+    @property
+    def columns(self) -> list[str]:
+        return list(self)

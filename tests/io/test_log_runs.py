@@ -92,13 +92,13 @@ def test_the_payload_of_a_capture_is_read_beside_its_columns() -> None:
 
 
 @pytest.mark.parametrize("cut", [12, 20, 30])
-def test_a_line_that_is_cut_is_asked_or_named(cut: int) -> None:
+def test_a_line_that_is_cut_is_left_out_and_named(cut: int) -> None:
     lines = [_line(n, "S{s}[{h}|{l}]", " ", "--", "t={ms} ms ") for n in range(_SCANS)]
     lines[2] = lines[2][:cut]
     text = "\n".join(["10 bit", *lines]) + "\n"
-    with pytest.raises(Unanswered) as asked:
-        _read(text, unit="code")
-    assert {"broken_lines"} == {q.key for q in asked.value.questions}
+    found = _read(text, unit="code")
+    _assert_read(found, [n for n in range(_SCANS) if n != 2])
+    assert any("left out: line 4" in doubt for doubt in found.doubts)
     found = _read(text, unit="code", broken_lines="skip")
     _assert_read(found, [0, 1, 3, 4, 5])
     assert found.doubts

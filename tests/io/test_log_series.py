@@ -51,7 +51,10 @@ def test_a_cut_topic_is_no_other_series() -> None:
         for s, (h, low) in enumerate(BOTH[i])
     ]
     lines[9] = "bench/skin/stri 2.5"
-    assert "broken_lines" in asked(lines, TWO)
+    found = propose(of_text("\n".join(lines) + "\n"), TWO)
+    kept = [n for n in N if n != 9 // len(BOTH[0])]
+    np.testing.assert_allclose(np.stack([s.values for s in found.scans]), BOTH[kept], atol=6e-4)
+    assert any("left out: line 10 " in doubt for doubt in found.doubts)
 
 
 @pytest.mark.parametrize("over", ["+++++++", "OL", "BURNOUT"])

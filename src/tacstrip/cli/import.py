@@ -18,9 +18,9 @@ from tacstrip.errors import OptionError, ReadingError, one_of
 from tacstrip.files import read_text, replacing
 from tacstrip.io.input_checks import half_read
 from tacstrip.io.log_import.containers import read_table
+from tacstrip.io.log_import.ends import ends_exchanged
 from tacstrip.io.log_import.guess import Proposal, left_out, propose, settled
 from tacstrip.io.log_import.mapping import ColumnMapping
-from tacstrip.io.log_import.questions import Question, Unanswered
 from tacstrip.io.log_import.scans import scans
 from tacstrip.io.log_import.table import Table
 from tacstrip.io.log_import.write import at_rest, in_volts, rows, touched, write_log
@@ -30,8 +30,6 @@ from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.replay import open_source
 
 _SHOWN_SCANS, _SHOWN_STRIPS = 2, 6
-_BELOW = 0.02  # of the largest reading: v_h below v_l by more is no noise
-_STRAYS = 2  # such readings, of which each may be a lost digit
 
 
 @click.command("import")
@@ -76,8 +74,7 @@ def command(
         found = _mapped(table, given, sensor) if given else propose(table, sensor, told, _stated(spec))
         for reason in found.reasons:
             note(f"  {reason}")
-        below = _below(found, None if given else told.get("exchanged", ""))
-    warn(*found.doubts, below, _all_touched(found, sensor), file=log)
+    warn(*found.doubts, _all_touched(found, sensor), file=log)
     _write(log, found, sensor, spec, output, force)
     _show(found, sensor)
     if not given:
@@ -97,7 +94,8 @@ def _mapped(table: Table, file: Path, sensor: Sensor | None) -> Proposal:
     def read(found: Table) -> Proposal:
         dropped: list[int] = []
         rough = scans(found, mapping, dropped)
-        return Proposal(mapping, at_rest(rough, mapping, sensor), (), tuple(left_out(found, dropped)))
+        doubts = [*left_out(found, dropped), *ends_exchanged(rough, mapping, None)]
+        return Proposal(mapping, at_rest(rough, mapping, sensor), (), tuple(doubts))
 
     return settled(table, read, mapping.strips, len(mapping.channels))
 
@@ -134,36 +132,6 @@ def _write(
             else:
                 part.write_bytes(readings.read_bytes())
     click.echo(f"{output}: {many}")
-
-
-def _below(found: Proposal, answer: str | None) -> str:
-    """Return a warning where v_h is below v_l beyond noise, on a stray strip or, if the answer is "no", on more.
-
-    Raises
-    ------
-    Unanswered
-        It is on more: nothing tells which channel is which there.
-    """
-    if found.mapping.channels != ("h", "l"):
-        return ""
-    apart = np.stack([scan.values[:, 0] - scan.values[:, 1] for scan in found.scans])
-    top = max(float(np.nanmax(scan.values, initial=0.0)) for scan in found.scans)
-    wrong = np.argwhere(apart < -_BELOW * top)
-    if not len(wrong):
-        return ""
-    scan, strip = wrong[0]
-    more = f", and {len(wrong) - 1} time(s) more" if len(wrong) > 1 else ""
-    text = (
-        f"v_h is below v_l on strip {strip + found.mapping.strip_base} of the scan from line "
-        f"{found.scans[scan].line}{more}: no sensor reads so; is a digit lost, or are columns exchanged?"
-    )
-    if len(wrong) <= _STRAYS or answer == "no":
-        return text
-    mended = () if found.mapping.which or (-apart < -_BELOW * top).sum() > _STRAYS else ("yes",)
-    choices = () if answer is None else (*mended, "no")  # a mapping takes no answer
-    raise Unanswered(
-        Question("exchanged", f"{text} Mend the log, or answer no to take it as it stands", choices)
-    )
 
 
 def _all_touched(found: Proposal, sensor: Sensor | None) -> str:

@@ -15,9 +15,11 @@ from tacstrip.io.log_import.names import meaning
 from tacstrip.io.log_import.questions import Clues
 from tacstrip.io.log_import.records import is_label, items
 from tacstrip.io.log_import.scans import LogScan, scans
+from tacstrip.io.log_import.statements import untouched_said
 from tacstrip.io.log_import.strays import form_of
 from tacstrip.io.log_import.table import CLOCK, GARBLED, Table
 from tacstrip.io.log_import.tokens import VALUE, parted
+from tacstrip.io.log_import.words import finder
 
 _NUMBERS = {mark: re.compile(rf"(?<![\w.])[-+]?\d+(?:\{mark}\d+)*(?!\w)") for mark in ".,"}
 _STAMP = re.compile(r"\d+:\d+(?::\d+)?(?:[.,]\d+)?|\d{4}-\d\d-\d\d[T ]?")
@@ -25,6 +27,7 @@ _FEW_VALUES = 0.5  # of those of other lines: a line with more may be a scan
 _GAP, _REGULAR = 1.5, 0.9  # times the usual step, part of the steps that are near it
 _FEW, _WORDS = 3, 5  # scans; words of a sentence
 _QUOTED = 5  # lines that are named
+_MOST_DAMAGED = 0.05  # of the rows: of more that are damaged, the form is not understood
 _MOST_BELOW = 10  # lines of statistics
 
 
@@ -48,13 +51,47 @@ def settle_broken(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) ->
         return
     if (
         len(above) + len(inner) + len(below) == len(table.broken)
-        and all(_is_short(table, n) for n in (*above, *inner))
-        and all(re.search(r"[^\W\d_]{3}", table.quotes.get(n, "")) for n in above)
-        and not (mapping.strip and any(_names_readings(table, n) for n in inner))
-        and _at_the_end(table, below)
-        and (not inner or _loses_nothing(clues, mapping, rough, inner))
+        and all(_is_remark(table, n) for n in above)
+        and _at_the_end(table, below, _has_empty(table, rough))
+        and (
+            not inner
+            or _lose_themselves(table, mapping, inner)
+            or (
+                all(_is_short(table, n) for n in inner)
+                and not (mapping.strip and any(_names_readings(table, n) for n in inner))
+                and _loses_nothing(clues, mapping, rough, inner)
+            )
+        )
     ):
         clues.questions = [q for q in clues.questions if q.key != "broken_lines"]
+
+
+def _has_empty(table: Table, rough: list[LogScan]) -> bool:
+    """Return whether scans without a contact are written out as others are, so that none is only a label."""
+    if table.empty:
+        return False
+    listed = len(table.rows) >= len(rough) * len(rough[0].values)  # each strip, touched or not
+    return any(np.isnan(scan.values).all() or (listed and np.isnan(scan.values).any()) for scan in rough)
+
+
+def _lose_themselves(table: Table, mapping: ColumnMapping, inner: list[int]) -> bool:
+    """Return whether lines are few, and those among the rows torn ones or messages: they hold fewer values than rows.
+
+    What they leave out is a scan at most, which is told, and all others are what they were: these have times of their
+    own, and of lines for each strip `scans` leaves out the whole scan. A line that may say of a scan that nothing
+    touches is none of these.
+    """
+    quotes = [table.quotes.get(n, "") for n in inner]
+    few = len(inner) <= max(_FEW, _MOST_DAMAGED * len(table.rows))
+    return (
+        few
+        and bool(mapping.time or not inner)
+        and not any(
+            max(_values_of(quote, table.decimal), _parted_values(quote, table.decimal)) >= _usual(table)
+            for quote in quotes
+        )
+        and not any(untouched_said([quote]) or finder("contact").search(quote) for quote in quotes)
+    )
 
 
 def _is_whole(table: Table, mapping: ColumnMapping, most: int) -> bool:
@@ -101,12 +138,16 @@ def of_other_kinds(table: Table, lines: list[int]) -> bool:
     )
 
 
-def _at_the_end(table: Table, lines: list[int]) -> bool:
-    """Return whether lines below all rows are one that is cut, or several that begin with no number, as statistics."""
+def _at_the_end(table: Table, lines: list[int], labels: bool) -> bool:
+    """Return whether lines below all rows are one that is cut, or several that begin with no number, as statistics.
+
+    Where `labels`, one that is only a record's label is cut, too.
+    """
     quotes = [table.quotes.get(n, "") for n in lines]
     if len(lines) == 1:
         label = (
-            bool(re.search(r"\d", quotes[0]))
+            not labels
+            and bool(re.search(r"\d", quotes[0]))
             and is_label(items(quotes[0]))
             and len(re.findall(r"[^\W\d_]+", quotes[0])) < _WORDS
         )
@@ -119,8 +160,18 @@ def _at_the_end(table: Table, lines: list[int]) -> bool:
 
 def _is_short(table: Table, line: int) -> bool:
     """Return whether a line holds far fewer values than the table's do."""
-    form = parted(line, _STAMP.sub(" ", table.quotes.get(line, "")), table.decimal).form
-    return form.count(VALUE) < _FEW_VALUES * _usual(table)
+    return _parted_values(table.quotes.get(line, ""), table.decimal) < _FEW_VALUES * _usual(table)
+
+
+def _is_remark(table: Table, line: int) -> bool:
+    """Return whether a line above all rows says something in words, and is no row that is damaged."""
+    quote = table.quotes.get(line, "")
+    words, values = len(re.findall(r"[^\W\d_]{3,}", quote)), _parted_values(quote, table.decimal)
+    return words > 0 and (_is_short(table, line) or words > values < _usual(table))
+
+
+def _parted_values(quote: str, decimal: str) -> int:
+    return parted(0, _STAMP.sub(" ", quote), decimal).form.count(VALUE)
 
 
 def _names_readings(table: Table, line: int) -> bool:

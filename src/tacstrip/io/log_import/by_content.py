@@ -253,7 +253,8 @@ def _assignments(columns: list[Column], strips: int, channels: int) -> Iterator[
         if not columns[n].is_constant or columns[n].texts[0] in often or says_nothing(columns[n].texts[0])
     ]
     plain = [n for n in plain if not columns[n].rises] if len(plain) > strips else plain  # as a time does
-    for some in [plain] if len(plain) >= strips * channels else [numeric]:
+    moving = [n for n in plain if not columns[n].is_constant]  # labels may be numbers that readings are, too
+    for some in [s for s in (plain, moving) if len(s) >= strips * channels] or [numeric]:
         for size in range(channels, channels + _BETWEEN_STRIPS + 1):
             for at in range(len(some) - strips * size + 1):
                 block = some[at : at + strips * size]

@@ -45,7 +45,7 @@ _OF_CONTACT = re.compile(
     rf"|{any_of('which')}(?=\s*(?:[,;.!]|\Z)))",
     re.IGNORECASE,
 )
-_STAMP = rf"\A\s*[\[(]?{STAMP}[\])]?\s*(?:->|=>|[>|:])?\s*"  # what a monitor puts before a line
+_STAMP = rf"\A\s*[\[(\"']?{STAMP}[\])\"']?\s*(?:->|=>|[>|:,;])?\s*"  # what a monitor puts before a line
 _FEW_WORDS = 3  # of fewer, no change is told
 _OFTEN = 0.1  # of the lines: what stands on more is of the log's form
 _BANNER = 4.0  # lines: as many a program may print as it starts

@@ -12,7 +12,7 @@ from tacstrip.arrays import FloatArray
 from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.fields import clock_seconds, number_of
 from tacstrip.io.log_import.mapping import ColumnMapping
-from tacstrip.io.log_import.names import CLOCKS, TIME_UNITS, meanings, unknown_unit
+from tacstrip.io.log_import.names import CLOCKS, TIME_UNITS, meanings, seconds_of, unknown_unit
 from tacstrip.io.log_import.questions import Clues
 from tacstrip.io.log_import.scans import field_value, raw_times
 from tacstrip.io.log_import.supply import ask_for_vref
@@ -201,7 +201,7 @@ def _two_clocks(clues: Clues, mapping: ColumnMapping) -> None:
     if not mapping.time or not mapping.time_unit:
         return
     own = raw_times(clues.table, mapping)
-    unit = TIME_UNITS.get(mapping.time_unit, 1.0)
+    unit = 1.0 if mapping.time_unit in CLOCKS else seconds_of(mapping.time_unit)
     span = (own[-1] - own[0]) * unit
     steps = np.diff(own)
     step = float(np.median(steps[steps > 0.0])) * unit if (steps > 0.0).any() else 0.0
@@ -233,11 +233,12 @@ def _own_times(clues: Clues, mapping: ColumnMapping, own: FloatArray, span: floa
         if name in taken or name in clues.answers or mapping.time_unit in CLOCKS or not (steps > 0.0).any():
             continue
         other = np.array([np.nan if v is None else v for v in clues.values(name)])
-        apart = np.abs(other - own) * TIME_UNITS.get(mapping.time_unit, 1.0)
+        unit = seconds_of(mapping.time_unit or "s")
+        apart = np.abs(other - own) * unit
         counts = {*steps.tolist()} <= {0.0, 1.0}  # as may any index
         step = float(np.median(steps[steps > 0.0]))
         alike = np.allclose(np.diff(other), steps, rtol=0.0, atol=_DRIFT * step)
-        if alike and not counts and 0.5 * step * TIME_UNITS.get(mapping.time_unit, 1.0) < apart.max() < span:
+        if alike and not counts and 0.5 * step * unit < apart.max() < span:
             clues.doubt(
                 f"{name!r} rises as {mapping.time!r} does, {apart.max():g} s apart: if it is the time of some of the "
                 f"readings, these are not of one scan; all are taken at {mapping.time!r}"

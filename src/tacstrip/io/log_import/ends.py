@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 
 import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.io.log_import.contents import comes_again
 from tacstrip.io.log_import.fields import number_of, says_nothing
+from tacstrip.io.log_import.mapping import ColumnMapping
 from tacstrip.io.log_import.names import (
     CHANNELS,
     IN_VOLTS,
@@ -17,7 +19,8 @@ from tacstrip.io.log_import.names import (
     meanings,
     pair_of,
 )
-from tacstrip.io.log_import.questions import Clues
+from tacstrip.io.log_import.questions import Clues, Question, Unanswered
+from tacstrip.io.log_import.scans import LogScan
 from tacstrip.io.log_import.statements import in_blocks_said, told_channels, wired_ends
 from tacstrip.io.log_import.table import ContradictionError
 
@@ -28,6 +31,8 @@ _OFTEN = 0.2  # of the readings
 _PAIRS_TOLD = 20  # pairs of readings that tell in which order columns stand
 _ALONE = 0.9  # of the readings of one end: so many have the other beside them
 _REST, _GAP = 0.05, 5.0  # of the largest reading: the most of noise; and times that: where readings begin
+_BELOW = 0.02  # of the largest reading: v_h below v_l by more is no noise
+_STRAYS = 2  # such readings, of which each may be a lost digit
 _ALIKE = 0.02  # relative: two columns that are the same quantity in two units
 
 
@@ -248,3 +253,40 @@ def above(high: FloatArray, low: FloatArray) -> bool:
         return False
     scale = float(np.nanmax(np.abs(np.stack([high, low]))))
     return bool((apart >= -_APART * scale).mean() >= _ABOVE and np.median(apart) > _APART * scale)
+
+
+def ends_exchanged(scans: Sequence[LogScan], mapping: ColumnMapping, answer: str | None) -> list[str]:
+    """Return a warning where v_h is below v_l beyond noise, on a stray strip or, if the answer is "no", on more.
+
+    Parameters
+    ----------
+    scans, mapping
+        Of a log.
+    answer
+        To the question whether ends are exchanged, "" where it was not given; None where none is taken.
+
+    Raises
+    ------
+    Unanswered
+        It is on more: nothing tells which channel is which there.
+    """
+    if mapping.channels != ("h", "l") or not scans:
+        return []
+    apart = np.stack([scan.values[:, 0] - scan.values[:, 1] for scan in scans])
+    top = max(float(np.nanmax(scan.values, initial=0.0)) for scan in scans)
+    wrong = np.argwhere(apart < -_BELOW * top)
+    if not len(wrong):
+        return []
+    scan, strip = wrong[0]
+    more = f", and {len(wrong) - 1} time(s) more" if len(wrong) > 1 else ""
+    text = (
+        f"v_h is below v_l on strip {strip + mapping.strip_base} of the scan from line {scans[scan].line}{more}: no "
+        "sensor reads so; is a digit lost, or are columns exchanged?"
+    )
+    if len(wrong) <= _STRAYS or answer == "no":
+        return [text]
+    mended = () if mapping.which or (-apart < -_BELOW * top).sum() > _STRAYS else ("yes",)
+    choices = () if answer is None else (*mended, "no")  # a mapping takes no answer
+    raise Unanswered(
+        Question("exchanged", f"{text} Mend the log, or answer no to take it as it stands", choices)
+    )

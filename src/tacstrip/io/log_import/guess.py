@@ -6,7 +6,7 @@ import contextlib
 import itertools
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -18,8 +18,8 @@ from tacstrip.io.log_import.broken import hold_readings, of_other_kinds, settle_
 from tacstrip.io.log_import.changes import ask_for_notes
 from tacstrip.io.log_import.columns import Columns, find_columns
 from tacstrip.io.log_import.doubts import raise_doubts
-from tacstrip.io.log_import.ends import above, noise
-from tacstrip.io.log_import.fields import STAMP, is_garbled
+from tacstrip.io.log_import.ends import above, ends_exchanged, noise
+from tacstrip.io.log_import.fields import STAMP, is_garbled, says_nothing
 from tacstrip.io.log_import.mapping import STRIP_ORDERS, ColumnMapping
 from tacstrip.io.log_import.names import CLOCKS, IN_VOLTS, is_strip_word, meaning, meanings
 from tacstrip.io.log_import.others import drop_others
@@ -39,7 +39,7 @@ from tacstrip.io.log_import.write import at_rest
 from tacstrip.sensor.spec import Sensor
 
 Read = TypeVar("Read")
-_TOUCH = re.compile(r"touch|contact|press|active|ber(?:\u00fc|ue)hrt", re.IGNORECASE)
+_TOUCH = re.compile(r"touch|contact|press|active|open|ber(?:\u00fc|ue)hrt", re.IGNORECASE)
 _AS_WIRED = (
     "the log says {!r}: do its columns stand in the strips' order (ascending), or does the last strip stand first "
     "(descending)? If neither, list the strips in the columns' order, as 2,0,1"
@@ -173,12 +173,8 @@ def _proposed(
         raise Unanswered(replace(first, text=text), *others) from None
     dropped: list[int] = []
     found = scans(clues.table, mapping, dropped)
-    return Proposal(
-        mapping,
-        at_rest(found, mapping, sensor),
-        tuple(clues.reasons),
-        (*clues.doubts, *left_out(table, dropped)),
-    )
+    doubts = [*left_out(table, dropped), *ends_exchanged(found, mapping, clues.answers.get("exchanged", ""))]
+    return Proposal(mapping, at_rest(found, mapping, sensor), tuple(clues.reasons), (*clues.doubts, *doubts))
 
 
 def _later(
@@ -236,8 +232,8 @@ def left_out(table: Table, dropped: list[int]) -> list[str]:
         said.append(f"left out: {shown}{more}; what they say is lost")
     if dropped:
         said.append(
-            f"{len(dropped)} scan(s) left out, from line(s) {', '.join(map(str, dropped))}: a line left out may be of "
-            "these, and of strips that they lack it is not known whether anything touches them"
+            f"{len(dropped)} scan(s) left out, from line(s) {', '.join(map(str, dropped))}: of strips that they lack "
+            "it is not known whether anything touches them, for a line that is lost or left out may be of these"
         )
     return said
 
@@ -346,7 +342,7 @@ def _rough(clues: Clues, found: Columns) -> tuple[ColumnMapping, list[LogScan]]:
         only=clues.only, strip_order=_strip_order(clues, found, count),
     )  # fmt: skip
     mapping = units.with_zero(clues, mapping)
-    clues.choice("missing", ("untouched", "error"))
+    clues.choice("missing", ("untouched", "skip", "error"))
     mapping = time_unit.with_time(clues, mapping, found)
     loose = replace(mapping, time_unit=mapping.time_unit or "s", restart="continue")
     if is_newest_first(clues.table, loose):
@@ -618,6 +614,9 @@ def _missing(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> str:
         if flag := _flag_of_touch(clues.table, mapping):
             clues.because(f"values that are not there are of untouched strips, as {flag} says")
             return "untouched"
+        if "no line for" in str(error) and _are_lost(clues.table, mapping):
+            clues.because("untouched strips have lines, too: scans that lack some are left out")
+            return "skip"
         what = "values" if "lacks a value" in str(error) else "strips"
         other = (
             " Else name the spec that it was made with, or give those that were not connected as without in the spec"
@@ -633,6 +632,18 @@ def _missing(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> str:
     return "error"
 
 
+def _are_lost(table: Table, mapping: ColumnMapping) -> bool:
+    """Return whether lines that are not there are lost: untouched strips have theirs, and most scans all of them."""
+    if not mapping.strip:
+        return False
+    idle = sum(all(map(says_nothing, f)) for f in zip(*map(table.column, mapping.columns), strict=True))
+    dropped: list[int] = []
+    with contextlib.suppress(ReadingError):
+        found = scans(table, replace(mapping, missing="skip"), dropped)
+        return idle > len(dropped) * mapping.strips and len(found) > len(dropped)
+    return False
+
+
 def _flag_of_touch(table: Table, mapping: ColumnMapping) -> str:
     """Return a column such as "touched" that has one value where readings are, and another where none is; else ""."""
     if not mapping.strip:
@@ -646,9 +657,28 @@ def _flag_of_touch(table: Table, mapping: ColumnMapping) -> str:
     return ""
 
 
+def _fail_in_pairs(table: Table, mapping: ColumnMapping) -> bool:
+    """Return whether named values are not there only for both ends of a strip at once, and nowhere said to be none."""
+    pairs: dict[str, list[Sequence[str]]] = {}
+    for name, what in mapping.columns.items():
+        pairs.setdefault(what.rpartition(":")[0], []).append(table.column(name))
+    there = [[tuple(map(bool, ends)) for ends in zip(*columns, strict=True)] for columns in pairs.values()]
+    return all(len({*ends}) == 1 for strip in there for ends in strip) and not any(
+        f and says_nothing(f) for columns in pairs.values() for column in columns for f in column
+    )
+
+
 def _only_touched(table: Table, mapping: ColumnMapping, rough: list[LogScan]) -> bool:
     """Return whether scans list only touched strips: side by side, with readings, not always the same, seldom all."""
     there = np.asarray(np.isfinite(np.stack([s.values for s in rough])).any(axis=2))  # (scans, strips)
+    side_by_side = all(row[np.argmax(row) :][: row.sum()].all() for row in there)
+    if not mapping.strip and len(mapping.channels) > 1 and _fail_in_pairs(table, mapping):
+        none = int((~there.any(axis=1)).sum())  # scans without a value, which no line that is cut has
+        return bool(
+            side_by_side
+            and len(np.unique(there, axis=0)) > 1
+            and (there.all(axis=1).mean() < _MOST_COMPLETE or none > max(_FEW_BROKEN, 0.05 * len(there)))
+        )
     if table.varied and not mapping.strip:
         touched = sum(map(bool, itertools.chain(*map(table.column, mapping.columns)))) == sum(
             int(np.isfinite(s.values).sum()) for s in rough
@@ -656,7 +686,6 @@ def _only_touched(table: Table, mapping: ColumnMapping, rough: list[LogScan]) ->
     else:
         listed = sum(i not in table.empty for i in table.lines) if mapping.strip and not table.absent else 0
         touched = int(there.sum()) * (2 if mapping.which else 1) == listed
-    side_by_side = all(row[np.argmax(row) :][: row.sum()].all() for row in there)
     # Of the same strips always, and most of all, the others may not be logged.
     vary = len(np.unique(there, axis=0)) > 1 or there.mean() <= _MOST_STEADY
     return touched and side_by_side and vary and bool(there.all(axis=1).mean() < _MOST_COMPLETE)

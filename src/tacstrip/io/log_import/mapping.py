@@ -9,7 +9,7 @@ from pathlib import Path
 
 from tacstrip.errors import OptionError, one_of
 from tacstrip.files import read_text, why_unreadable, write_text
-from tacstrip.io.log_import.names import CHANNELS, CLOCKS, READING_UNITS, TIME_UNITS
+from tacstrip.io.log_import.names import CHANNELS, CLOCKS, READING_UNITS, TIME_UNITS, seconds_of
 
 RESTARTS = ("error", "continue", "first", "last")
 STRIP_ORDERS = ("ascending", "descending")
@@ -31,8 +31,8 @@ class ColumnMapping:
     unit
         Of the readings: "V", "mV", "uV", "code", "fraction", "percent" or "permille" (of Vref).
     time, time_unit, rate_hz
-        Column of the time and its unit ("clock" for times of day and dates, "hh:mm" or "mm:ss" for 14:05), or scans
-        per second where there is none.
+        Column of the time and its unit ("2.5ms" for a timer's ticks, "clock" for times of day and dates, "hh:mm" or
+        "mm:ss" for 14:05), or scans per second where there is none.
     scan, strip, which
         Columns of the scan's number, the strip's, and of the channel's name where a line holds readings of one of them.
     strip_base
@@ -42,7 +42,7 @@ class ColumnMapping:
     untouched
         What stands where nothing touches, besides empty fields.
     missing
-        "untouched": strips without a line are untouched ones; "error".
+        "untouched": strips without a line are untouched ones; "skip": scans that lack one are left out; "error".
     broken_lines
         "skip" or "error".
     vref_volt
@@ -152,13 +152,17 @@ class ColumnMapping:
     def check(self, place: str) -> None:
         """Raise `OptionError` where it contradicts itself."""
         for name, value, known in (
-            ("unit", self.unit, READING_UNITS), ("time_unit", self.time_unit, (*TIME_UNITS, *CLOCKS)),
-            ("missing", self.missing, ("untouched", "error")), ("broken_lines", self.broken_lines, ("skip", "error")),
+            ("unit", self.unit, READING_UNITS), ("missing", self.missing, ("untouched", "skip", "error")),
+            ("broken_lines", self.broken_lines, ("skip", "error")),
             ("restart", self.restart, RESTARTS),
             ("strip_order", "" if self.order_of_strips(place) else self.strip_order, ("", *STRIP_ORDERS)),
         ):  # fmt: skip
             if value not in known:
                 raise OptionError(f"{place}: " + one_of(name, value, known))
+        if self.time_unit not in CLOCKS and not seconds_of(self.time_unit) > 0.0:
+            raise OptionError(
+                f"{place}: " + one_of("time_unit", self.time_unit, (*TIME_UNITS, *CLOCKS, "2.5ms"))
+            )
         turn = re.fullmatch(r"(\d)/(\d)", self.turn)
         if self.turn and not (turn and 1 <= int(turn[1]) <= int(turn[2]) > 1):
             raise OptionError(f"{place}: turn = {self.turn!r}; write 1/2 for the first of two sensors")

@@ -70,13 +70,16 @@ def _idle(values: FloatArray) -> BoolArray:
     there = np.sort(values[~idle])
     if len(there) < 2 or there[0] == there[-1]:
         return idle
-    for end, inner in ((there[0], there[there > there[0]]), (there[-1], there[there < there[-1]])):
-        if np.mean(values == end) > _OFTEN and (values == end).sum() > 1 and len(inner):
-            return np.asarray(idle | (values == end))
     width = _NARROW * max(abs(there[0]), abs(there[-1]))
+    ends = [(there[0], there[there > there[0]][0]), (there[-1], there[there < there[-1]][-1])]
+    often = [
+        (end, near) for end, near in ends if np.mean(values == end) > _OFTEN and (values == end).sum() > 1
+    ]
+    if far := [end for end, near in often if abs(near - end) > width]:
+        return np.asarray(idle | (values == far[0]))
     for (k, step), top in itertools.product(enumerate(np.diff(there), 1), (False, True)):
         noise = there[k:] if top else there[:k]
         apart = step > _GAP * (noise[-1] - noise[0]) and step > width
         if apart and noise[-1] - noise[0] <= width and len(noise) > _OFTEN * values.size:
             return np.asarray(idle | (values >= there[k] if top else values < there[k]))
-    return idle
+    return np.asarray(idle | (values == often[0][0])) if often else idle

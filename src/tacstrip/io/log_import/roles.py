@@ -135,7 +135,10 @@ def time_column(clues: Clues, known: dict[str, Meaning]) -> str:
     if own:  # the device's own clock is better than a monitor's
         there = [t for t in there if t[0] != CLOCK]
     there = [t for t in there if t[2] > 1 or len(clues.table.rows) < 2] or there[:1]
-    return max(there, key=lambda t: (t[0] in clues.answers, t[1], t[2]))[0] if there else ""
+    most = max((t[2] for t in there), default=0)  # one that never falls, but hardly ever rises, says little
+    return (
+        max(there, key=lambda t: (t[0] in clues.answers, t[1] and 2 * t[2] > most, t[2]))[0] if there else ""
+    )
 
 
 def _contradicts_the_stamps(clues: Clues, name: str, unit: str) -> bool:

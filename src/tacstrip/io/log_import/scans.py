@@ -16,7 +16,7 @@ from tacstrip.arrays import FloatArray
 from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.fields import clock_times, is_of_two, number_of, says_nothing
 from tacstrip.io.log_import.mapping import ColumnMapping
-from tacstrip.io.log_import.names import CLOCKS, TIME_UNITS, meaning
+from tacstrip.io.log_import.names import CLOCKS, meaning, seconds_of
 from tacstrip.io.log_import.table import NoTableError, Table
 
 _DAY_S = 86400.0
@@ -246,7 +246,7 @@ def _times(table: Table, mapping: ColumnMapping) -> FloatArray | None:
         if all(re.fullmatch(r"\d+(?:\.\d+)?", f) for f in fields):
             first = Fraction(fields[0])
             values = np.array([float(Fraction(f) - first) for f in fields])
-    return np.asarray((values - values[0]) * TIME_UNITS[mapping.time_unit])
+    return np.asarray((values - values[0]) * seconds_of(mapping.time_unit))
 
 
 def _in_order(
@@ -304,7 +304,8 @@ def _scans(
 
     def closed(scan: LogScan, until: float) -> Iterator[LogScan]:
         per_line = mapping.strip or mapping.which
-        if per_line and len(seen) < scan.values.size and any(between(b, until) for b in table.broken):
+        lacks = per_line and len(seen) < scan.values.size
+        if lacks and (mapping.missing == "skip" or any(between(b, until) for b in table.broken)):
             dropped.append(scan.line)
         else:
             yield _complete(scan, seen, mapping)

@@ -17,6 +17,7 @@ from tacstrip.io.log_import.names import (
     CLOCKS,
     TIME_UNITS,
     UNITS,
+    seconds_of,
     unknown_unit,
 )
 from tacstrip.io.log_import.questions import Clues
@@ -35,6 +36,9 @@ _SAME_TIME = 0.5  # of the scans: if more have the time of the one before, the c
 _TIME_SAID = re.compile(
     r"\b(?:t|times?|zeit|temps|tiempo|tempo|tijd) (?:is |are )?in ([^\W\d_]+)\b", re.IGNORECASE
 )
+_TICKS = re.compile(r"(?<![^\W_])ticks?(?![^\W_])", re.IGNORECASE)  # of a timer, as a column's name
+_TICK = re.compile(r"\bticks?\s*(?:=|:|is|are|of|every)\s*(\d+(?:\.\d+)?)\s*(ms|us|s)\b", re.IGNORECASE)
+_OF_ARDUINO = re.compile(r"\b(millis|micros)\b")  # functions
 _LAST_HOUR = 23
 _SAME_RATE = 0.02  # relative: steps that are those of a rate
 _MOST_SAMPLES = 1000.0  # of a converter for a scan: its strips, times what it averages
@@ -91,7 +95,10 @@ def with_time(clues: Clues, mapping: ColumnMapping, found: Columns) -> ColumnMap
     if not found.time:
         return mapping
     clues.choice("restart", RESTARTS)
-    unit = clues.choice("time_unit", (*TIME_UNITS, *CLOCKS)) or _unit_of_name(clues, found)
+    answer = clues.answers.get("time_unit", "")
+    if not seconds_of(answer) > 0.0:
+        clues.choice("time_unit", (*TIME_UNITS, *CLOCKS, "2.5ms"))  # a tick of any length
+    unit = answer or _unit_of_name(clues, found)
     mapping = replace(mapping, time_unit=unit or "s")
     times = raw_times(clues.table, mapping)
     too_late = "time_unit" not in clues.answers and unit in TIME_UNITS and times[0] * TIME_UNITS[unit] > 2.2e9
@@ -113,10 +120,15 @@ def _unit_of_name(clues: Clues, found: Columns) -> str:
         clues.because(f"{found.time}: times of day or dates, such as {first}")
         return _of_two_parts(clues, found.time)
     unit = found.meanings[found.time].unit
-    said = {UNITS.get(u.casefold(), "") for u in _TIME_SAID.findall("\n".join(clues.table.preamble))}
+    above = "\n".join(clues.table.preamble)
+    said = {UNITS.get(u.casefold(), "") for u in _TIME_SAID.findall(above)}
+    said = said or {{"millis": "ms", "micros": "us"}[word] for word in _OF_ARDUINO.findall(above)}
     if unit not in TIME_UNITS and len(said) == 1 and said <= {*TIME_UNITS}:
         clues.because(f"{found.time} is in {min(said)}, as a line above says")
         return said.pop()
+    if unit not in TIME_UNITS and (tick := _TICK.search(above)) and _TICKS.search(found.time):
+        clues.because(f"{found.time}: {tick[0]!r}, as a line above says")
+        return f"{tick[1]}{tick[2]}"
     return unit if unit in TIME_UNITS else ""
 
 

@@ -124,7 +124,12 @@ def in_pairs(lines: Sequence[Line]) -> list[Line]:
     mark = many.most_common(1)[0][0]
     if all(_is_label(line.form, mark) for line in lines if f"#{mark}#" in line.form):
         return list(lines)
-    return [_paired(line, mark) for line in lines]
+    made = [_paired(line, mark) for line in lines]
+    return made if _most_alike(made) > _most_alike(lines) else list(lines)
+
+
+def _most_alike(lines: Sequence[Line]) -> int:
+    return max(Counter(line.form for line in lines).values())
 
 
 def _is_label(form: str, mark: str) -> bool:

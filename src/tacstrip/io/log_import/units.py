@@ -402,10 +402,11 @@ def _may_be_codes(values: FloatArray, bits: int) -> bool:
 
 
 def _raw_said(clues: Clues) -> str:
-    """Return a column's name, or what stands on each line as its topic does, that says "raw"; "" where none does."""
+    """Return what says "raw": a column's name, a field that stays as a topic does, a line of no conversion; or ""."""
     fixed = [fields[0] for n in clues.table.names if len({*(fields := clues.table.column(n))}) == 1]
+    said = [" ".join(line.split()) for line in clues.table.preamble if not _CONVERTED.search(line)]
     return next(
-        (t for t in (*clues.table.names, *fixed) if re.search(r"(?<![a-z])raw(?![a-z])", t, re.I)), ""
+        (t for t in (*clues.table.names, *fixed, *said) if re.search(r"(?<![a-z])raw(?![a-z])", t, re.I)), ""
     )
 
 
