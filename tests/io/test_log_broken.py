@@ -215,7 +215,7 @@ def test_exchanged_ends_of_some_scans_are_asked_in_frames_too() -> None:
         ts.read_readings(Frame(frame), _SENSOR)
 
 
-class Frame(dict):
+class Frame(dict[str, list[float]]):
     """What of a pandas DataFrame is used."""
 
     @property
