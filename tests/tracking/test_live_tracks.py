@@ -148,7 +148,7 @@ def test_a_scan_that_leaves_a_corner_anywhere_in_a_gap_is_doubted() -> None:
     stream = Stream(sensor, NAMES, "normal", 20, None, SIGMA)
     said = []
     for x, number in ((52.5, 0), (50.0, 1), (55.5, 2)):
-        one = LiveContact(1, Episode([], []), stream)
+        one = LiveContact(Episode([], []), stream)
         one._shape = KnownShape(1, copy(lag), np.empty(0), np.empty(0), "ok")
         one._shape.lag.pose = pose = np.array([x, 50.0, 0.0])
         (k,) = readings(pressed(sensor, bar, pose[None], NOISE, number))
