@@ -84,8 +84,12 @@ def test_scans_one_by_one_tell_what_all_at_once_do(monkeypatch: pytest.MonkeyPat
     sigma = np.sqrt(np.diag(one.pose_covariance))
     np.testing.assert_allclose(sigma, np.sqrt(np.diag(batch.pose_covariances[-1])), rtol=0.2)
     assert one.velocity[0] == pytest.approx(15.0 / 0.43, rel=0.5)
-    for time_s, said in ((0.43, "clock stands still"), (0.2, "went back")):
-        for _ in range(4):
+    for times, said in (
+        ([0.43] * 4, "clock stands still"),
+        ([0.2] * 4, "went back"),
+        ([0.5, 0.7, 0.6, 0.8], "went back"),
+    ):
+        for time_s in times:
             (one,) = live.update(replace(scans[-1], time_s=time_s))
         assert said in one.advice
     assert one.status == "ok"
@@ -113,6 +117,7 @@ def test_a_shape_is_recognised_and_its_end_is_told(monkeypatch: pytest.MonkeyPat
     assert [one.status for one in known[8:]] == ["doubtful"] * 8
     assert "does not explain this one" in known[8].advice
     assert np.isnan(known[8].pose).all()
+    assert [one.id for one in known[8:]] == [1] * 4 + [3] * 4
 
 
 @pytest.mark.parametrize(
@@ -148,7 +153,7 @@ def test_a_scan_that_leaves_a_corner_anywhere_in_a_gap_is_doubted() -> None:
     stream = Stream(sensor, NAMES, "normal", 20, None, SIGMA)
     said = []
     for x, number in ((52.5, 0), (50.0, 1), (55.5, 2)):
-        one = LiveContact(1, Episode([], []), stream)
+        one = LiveContact(Episode([], []), stream)
         one._shape = KnownShape(1, copy(lag), np.empty(0), np.empty(0), "ok")
         one._shape.lag.pose = pose = np.array([x, 50.0, 0.0])
         (k,) = readings(pressed(sensor, bar, pose[None], NOISE, number))
@@ -156,6 +161,54 @@ def test_a_scan_that_leaves_a_corner_anywhere_in_a_gap_is_doubted() -> None:
         assert track is not None
         said.append((track.status, "anywhere within a gap" in track.advice))
     assert said == [("doubtful", True), ("doubtful", True), ("ok", False)]
+
+
+def known_contact(stream: Stream, corners: FloatArray) -> LiveContact:
+    """Return a contact of which the shape is known from 12 scans."""
+    lag = FixedLag(ten_strips(), NAMES, SIGMA, corners)
+    k, poses = readings(pressed(ten_strips(), corners, sliding(12), NOISE, 6)), sliding(12)
+    lag.begin(k, poses)
+    one = LiveContact(Episode([], []), stream)
+    one._shape = KnownShape(one.id, lag, k, poses, "ok")
+    return one
+
+
+def test_objects_that_look_alike_and_met_get_new_numbers() -> None:
+    """Each may be the other after they parted; what looks otherwise keeps its number."""
+    stream = Stream(ten_strips(), NAMES, "normal", 20, None, SIGMA)
+    turned, triangle = (
+        at(OWN, np.array([0.0, 0.0, 2.0])),
+        np.array([(-25.0, -20.0), (25.0, -20.0), (0.0, 28.0)]),
+    )
+    one, twin, other = (known_contact(stream, corners) for corners in (OWN, turned, triangle))
+    (k,) = readings(pressed(ten_strips(), OWN, sliding(13)[-1:], NOISE, 1))
+    every, said = [one, twin, other], list[tuple[int, int, int]]()
+    for partners in ([one, other], [twin, other], every):
+        for c in partners:
+            shared = c.shared(k, 0.0, [p for p in partners if p is not c])
+            assert shared is not None
+            assert "shares strips" in shared.advice
+        for c in partners:
+            c.step(k, 0.0)
+        said.append((one.id, twin.id, other.id))
+    assert said == [(1, 2, 3), (1, 2, 3), (4, 5, 3)]
+
+
+def test_a_shape_is_as_uncertain_as_its_search_said() -> None:
+    """More than by the bound alone; further scans make both surer alike."""
+    sensor, poses = ten_strips(), of_mean(sliding(40))
+    k = readings(pressed(sensor, OWN, poses, NOISE, 4))
+    lag = FixedLag(sensor, NAMES, SIGMA, OWN)
+    lag.begin(k[:20], poses[:20])
+    bound, scan = lag.known.bound, lag.of(k[20:21])
+    before = lag.known.pose_covariance(scan, poses[20])
+    lag.widen(9.0 * bound)
+    np.testing.assert_allclose(lag.known.covariance, 9.0 * bound, atol=1e-9)
+    after = lag.known.pose_covariance(scan, poses[20])
+    assert np.linalg.eigvalsh(after - before).min() > 0.0
+    assert all(lag.add(row) for row in k[20:])
+    assert np.trace(lag.known.covariance) == pytest.approx(9.0 * np.trace(lag.known.bound), rel=1e-6)
+    assert np.trace(lag.known.bound) < 0.8 * np.trace(bound)
 
 
 def test_an_outline_of_another_count_is_not_the_known_shape(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -19,11 +19,9 @@ from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import check_closed_form
 from tacstrip.sensor.left_out import left_out, left_out_wholly
 from tacstrip.sensor.spec import Sensor
-from tacstrip.tracking.episodes import Episode, followed
+from tacstrip.tracking.episodes import followed
 from tacstrip.tracking.live_contact import LiveContact, LiveTrack, Stream
 from tacstrip.tracking.rigid.fixed_lag import LAG
-
-_REMEMBERED = 8  # objects that were lifted
 
 
 class LiveTracks:
@@ -79,7 +77,7 @@ class LiveTracks:
         self._stream = Stream(sensor, (), distribution, lag, executor, None)
         self._own: tuple[str, ...] = ()  # signatures of its scans
         self._silent = left_out_wholly(sensor)
-        self._number, self._ids = 0, 0
+        self._number = 0
         self._contacts: list[LiveContact] = []
 
     @property
@@ -112,13 +110,13 @@ class LiveTracks:
         touched = np.asarray(np.isfinite(k).any(axis=0))
         before = {id(c.episode): c for c in self._contacts}
         seen = followed([c.episode for c in self._contacts], self._number, touched, self._silent)
-        self._contacts = [before[id(e)] if id(e) in before else self._new(e) for e in seen]
+        self._contacts = [before.get(id(e)) or LiveContact(e, stream) for e in seen]
         for lifted in before.values():
             if lifted in self._contacts:
                 continue
-            if (shape := lifted.known_shape) is not None:
-                stream.lifted[:] = [*stream.lifted[1 - _REMEMBERED :], shape]
-        found = [self._step(contact, k, scan.time_s) for contact in self._contacts]
+            stream.remember(lifted.known_shape)
+        joint = [c for c in self._contacts if c.episode.joint]
+        found = [self._step(contact, joint, k, scan.time_s) for contact in self._contacts]
         shown = [one for one in found if one is not None]
         outlines = [one.placed for one in shown if np.isfinite(one.pose[0])]
         if not (scale := scale_hint([scan], outlines, self.sensor)):
@@ -126,16 +124,15 @@ class LiveTracks:
         judged = [(one, doubted(one.status, one.advice, scale)) for one in shown]
         return tuple(replace(one, status=status, advice=advice) for one, (status, advice) in judged)
 
-    def _new(self, episode: Episode) -> LiveContact:
-        self._ids += 1
-        return LiveContact(self._ids, episode, self._stream)
-
-    def _step(self, contact: LiveContact, k: FloatArray, time_s: float) -> LiveTrack | None:
-        """Give a contact its part of the scan."""
+    def _step(
+        self, contact: LiveContact, joint: list[LiveContact], k: FloatArray, time_s: float
+    ) -> LiveTrack | None:
+        """Give a contact its part of the scan; `joint` share strips with others."""
         where = contact.episode
         if where.joint:
             where.joint.clear()
-            return contact.shared(k, time_s)
+            others = [c for c in joint if c is not contact and c.episode.last == where.last]
+            return contact.shared(k, time_s, others)
         where.scans.clear()
         where.runs[:] = where.runs[-1:]
         own = np.full(k.shape, np.nan)

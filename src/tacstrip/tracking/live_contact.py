@@ -22,7 +22,7 @@ from tacstrip.tracking.objects import GUESS
 from tacstrip.tracking.result import STANDS
 from tacstrip.tracking.rigid.corners import Fit
 from tacstrip.tracking.rigid.fixed_lag import FixedLag, Known
-from tacstrip.tracking.rigid.rivals import about_other_rests
+from tacstrip.tracking.rigid.rivals import about_other_rests, onto
 from tacstrip.tracking.rigid.search import FEW_STRIPS
 from tacstrip.tracking.stretches import MOST
 from tacstrip.tracking.summary import DEVIATIONS, tolerated_mm
@@ -34,6 +34,7 @@ _LOST = 5  # scans in turn that the shape does not explain
 # Scans that came during a search: so many are taken with each new one; if there are more, they are where it ran.
 _CAUGHT_UP, _FAR_BEHIND = 2, 8
 _WAITING = 1024  # such scans; of more only every other is kept
+_REMEMBERED = 8  # objects that were lifted or lost
 _PROOF = 20  # scans that a shape found after an alarm must explain to be believed; twice as many after the next alarm
 _NOT_RIGID = (
     "the shape that explained {scans} scans explains the last ones no more: the object deforms or rolls, another has "
@@ -160,9 +161,11 @@ class Stream:
     sigma
         Of a reading; None: not known yet.
     lifted
-        Objects that are not on the sensor.
+        Objects that are not on the sensor, or were lost there, the last one first.
     searches
         Number of searches so far.
+    numbers
+        How many numbers objects have got so far.
     """
 
     sensor: Sensor
@@ -173,6 +176,17 @@ class Stream:
     sigma: float | None
     lifted: list[KnownShape] = field(default_factory=list)
     searches: int = 0
+    numbers: int = 0
+
+    def number(self) -> int:
+        """Return the number of the next object."""
+        self.numbers += 1
+        return self.numbers
+
+    def remember(self, shape: KnownShape | None) -> None:
+        """Remember an object that is gone, where its shape is known."""
+        if shape is not None:
+            self.lifted[:] = [shape, *self.lifted[: _REMEMBERED - 1]]
 
 
 class History:
@@ -240,8 +254,6 @@ class LiveContact:
 
     Parameters
     ----------
-    number
-        Its number, until it is recognised.
     episode
         Where it is.
     stream
@@ -250,19 +262,20 @@ class LiveContact:
     Attributes
     ----------
     id, episode
-        Its number, and where it is.
+        Its number, a new one where its shape is lost, until it is recognised; and where it is.
     """
 
-    def __init__(self, number: int, episode: Episode, stream: Stream) -> None:
-        self.id, self.episode, self._stream = number, episode, stream
+    def __init__(self, episode: Episode, stream: Stream) -> None:
+        self.id, self.episode, self._stream = stream.number(), episode, stream
         self._history, self._seen, self._due = History(), 0, _FIRST
         self._task: Future[KnownShape | None] | None = None
         self._waiting: deque[tuple[FloatArray, float]] = deque()
         self._found: Future[_Newcomer] | _Newcomer | None = None
         self._shape: KnownShape | None = None
-        self._before: KnownShape | None = None  # the shape that was in force before an alarm
         self._bad: list[FloatArray] = []
         self._proof, self._since, self._alarm = 0, 0, ""
+        self._met: list[LiveContact] = []  # that it shares strips with; whether one of them looks like it
+        self._alike = False
         self._doubted = False  # the shape explains no more what comes; a search tells whether another does
 
     @property
@@ -279,14 +292,30 @@ class LiveContact:
         if self._task is not None and self._task.done():
             task, self._task = self._task, None
             self._answered(task.result())
+        if self._alike:  # which is which their readings do not tell
+            self.id = self._stream.number()
+        self._met, self._alike = [], False
         taken = self._followed(k, time_s)
         self._catch_up()
         self._search_if_due()
         return self._track(k, time_s, "" if taken else _UNEXPLAINED)
 
-    def shared(self, k: FloatArray, time_s: float) -> LiveTrack | None:
-        """Return the object of a scan in which it shares its strips with another one."""
+    def shared(self, k: FloatArray, time_s: float, others: list[LiveContact]) -> LiveTrack | None:
+        """Return the object of a scan in which it shares its strips with others."""
+        self._alike |= any(self._looks_like(other) for other in others if other not in self._met)
+        self._met = [*self._met, *(other for other in others if other not in self._met)]
         return self._track(k, time_s, _JOINT)
+
+    def _looks_like(self, other: LiveContact) -> bool:
+        """Whether another's outline is its own within what may be off of each: once they met, either may be either."""
+        if self._shape is None or other._shape is None:
+            return False
+        sensor, (one, two) = self._stream.sensor, (c._shape.lag.corners for c in (self, other) if c._shape)
+        own = one - one.mean(axis=0)
+        if one.shape != two.shape:
+            return False
+        off = np.hypot(*(onto(two, own)[2] - own).T).max()
+        return bool(off < tolerated_mm(sensor, one) + tolerated_mm(sensor, two))
 
     def _followed(self, k: FloatArray, time_s: float) -> bool:
         """Take a scan by the present shape; return whether that explains it, or there is none."""
@@ -327,7 +356,9 @@ class LiveContact:
         """Begin anew with the last scans: the shape does not explain them."""
         self._alarm = _NOT_RIGID.format(scans=lag.scans)
         self._proof = 2 * self._proof or _PROOF
-        self._before, self._shape, self._found, self._task = self.known_shape, None, None, None
+        self._stream.remember(self.known_shape)
+        self.id = self._stream.number()  # what is there now may be another
+        self._shape, self._found, self._task = None, None, None
         self._waiting.clear()
         self._doubted = False
         self._history, self._seen, self._due = History(), 0, _FIRST
@@ -346,10 +377,10 @@ class LiveContact:
             self._due = self._seen + max(_FIRST, self._seen // 4)
             return
         self._due = math.ceil(_LATER * self._seen)
-        known = ([self._before] if self._before else []) if shape or self._before else stream.lifted
+        known = () if shape else tuple(stream.lifted)
         angle = float(shape.lag.pose[2]) if shape and not self._bad else math.nan
         contact = Contact(
-            self.id, stream.sensor, stream.names, k, stream.sigma, stream.distribution, stream.lag, angle, tuple(known)
+            self.id, stream.sensor, stream.names, k, stream.sigma, stream.distribution, stream.lag, angle, known
         )  # fmt: skip
         stream.searches += 1
         if stream.executor is None:
@@ -412,7 +443,7 @@ class LiveContact:
         if self._shape is None:
             self._since = 0 if self._proof else found.lag.scans
         self._shape, self._history, self._found = found, one.history, None
-        self._alarm, self._bad, self._before, self._doubted = "", [], None, False
+        self._alarm, self._bad, self._doubted = "", [], False
 
     def _track(self, k: FloatArray, time_s: float, trouble: str) -> LiveTrack | None:
         """Return the object as of this scan."""

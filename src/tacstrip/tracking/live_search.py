@@ -124,6 +124,9 @@ def find_shape(contact: Contact) -> KnownShape | None:
     )
     poses = track.poses - frame
     lag.begin(contact.k, poses)
+    if track.covariance is not None:
+        spin = np.kron(np.eye(len(track.outline)), placed(np.eye(2), frame).T)
+        lag.widen(np.asarray(spin @ track.covariance @ spin.T))
     others = tuple(replace(a, vertices=placed(a.vertices, frame)) for a in track.alternatives)
     explains = content(one.scans, one.found.fit, contact.distribution)
     return KnownShape(contact.id, lag, contact.k, poses, track.status, track.advice, others, explains)

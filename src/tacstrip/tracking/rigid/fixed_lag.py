@@ -25,6 +25,7 @@ _STEPS, _POSE_STEPS = 6, 8  # of descents for a scan that surprises, of a new po
 _MOST_STEP = 0.1  # pitches that corners and poses move at once
 # Scans that a velocity is taken over, and how much further than between the last two.
 _WAY, _FARTHEST = 5, 3.0
+_RANK = 1e-11  # of the largest variance: what an outline has none in is a motion of it as a whole
 _ALARM = 6.0  # deviations of chi square: of the scans in the window, and of all
 
 
@@ -40,24 +41,30 @@ class Known:
         Information of the scans that have left the window (2 N, 2 N).
     window, poses
         Those in it, and their poses (T, 3).
+    wider
+        What other outlines that explain the scans add to the bound, over the bound's trace (2 N, 2 N).
     """
 
     corners: FloatArray
     beside: FloatArray
     window: RigidScans
     poses: FloatArray
+    wider: FloatArray
+
+    @cached_property
+    def bound(self) -> FloatArray:
+        """Least covariance of the corners, of their shape alone (2 N, 2 N) [mm^2]."""
+        found = information(self.window, self.corners, self.poses)
+        return covariances(found, self.corners, self.poses, beside=self.beside)[0]
 
     @cached_property
     def covariance(self) -> FloatArray:
         """Of the corners, of their shape alone (2 N, 2 N) [mm^2]."""
-        found = information(self.window, self.corners, self.poses)
-        return covariances(found, self.corners, self.poses, beside=self.beside)[0]
+        return np.asarray(self.bound + np.trace(self.bound) * self.wider)
 
     def pose_covariance(self, scan: RigidScans, pose: FloatArray) -> FloatArray:
         """Return that of the pose (3,) of a scan beside these (3, 3)."""
-        rest = self.beside
-        if len(self.poses):
-            rest = rest + _eliminated(self.window, self.corners, self.poses, NEVER)[0]
+        rest = np.asarray(np.linalg.pinv(self.covariance, _RANK, hermitian=True), dtype=np.float64)
         found = information(scan, self.corners, pose[None])
         return np.asarray(covariances(found, self.corners, pose[None], beside=rest)[1][0])
 
@@ -103,7 +110,7 @@ class FixedLag:
         self._still = motions @ motions.T  # of which scans whose poses are free know nothing
         self._prior = Prior(np.zeros((size, size)), np.zeros(size), corners)
         self._held = self._prior  # the same with a hold of the corners' frame
-        self._beside = np.zeros((size, size))
+        self._beside, self._wider = np.zeros((size, size)), np.zeros((size, size))
         self._k: list[FloatArray] = []
         self._poses, self._costs = np.empty((0, 3)), np.empty(0)
         self._freedoms = np.empty(0)
@@ -135,11 +142,18 @@ class FixedLag:
         self.absorb(k, poses)
         self.scans, self.pose, self._way = self.scans + len(k), poses[-1], []
 
+    def widen(self, covariance: FloatArray) -> None:
+        """Take the covariance (2 N, 2 N) [mm^2] that a search found; it falls with the bound from now on."""
+        value, vector = np.linalg.eigh(covariance - self.known.bound)
+        more = vector * np.maximum(value, 0.0) @ vector.T
+        self._wider, self._known = more / np.trace(self.known.bound), None
+
     def add(self, k: FloatArray, time_s: float = math.nan) -> bool:
         """Take the next scan (S, n); return whether the shape explains it.
 
         A scan that it does not explain, even where that may move the corners, is not taken.
         """
+        time_s = time_s if math.isfinite(time_s) else math.nan
         one, guesses = self.of(k[None]), self._guesses(time_s)
         pose, cost = self._posed(one, guesses)
         if not explained(cost, one.readings)[0]:
@@ -190,8 +204,11 @@ class FixedLag:
 
     @property
     def passed_s(self) -> float:
-        """Time over the last scans [s]; NaN where it is not known."""
-        return self._way[-1][0] - self._way[0][0] if len(self._way) > 1 else math.nan
+        """Time over the last scans [s]; below 0 where the clock went back from one to the next, NaN: not known."""
+        if len(self._way) < 2:
+            return math.nan
+        steps = np.diff([time_s for time_s, _ in self._way])
+        return float(steps.min() if (steps < 0.0).any() else steps.sum())
 
     @property
     def velocity(self) -> FloatArray:
@@ -223,7 +240,7 @@ class FixedLag:
         if self._known is None:
             count = len(self._k)
             self._known = Known(
-                self.corners, self._beside, self.of(self._stacked(count)), self._poses[:count]
+                self.corners, self._beside, self.of(self._stacked(count)), self._poses[:count], self._wider
             )
         return self._known
 

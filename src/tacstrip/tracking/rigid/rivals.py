@@ -36,7 +36,7 @@ def beside_rivals(scans: RigidScans, found: Found, shape: FloatArray, deviation:
     for rival, worse in found.rivals:
         if rival.corners.shape != own.shape or len(rival.poses) != len(fit.poses):
             continue
-        first, turn, moved = _onto(rival.corners, own)
+        first, turn, moved = onto(rival.corners, own)
         equations = information(scans, rival.corners, rival.poses)
         if deviation:
             equations = with_offsets(scans, rival, equations, deviation)
@@ -64,7 +64,7 @@ def poses_beside_rivals(scans: RigidScans, found: Found, covariances: FloatArray
     for rival, worse_by in found.rivals:
         if rival.corners.shape != own.shape or len(rival.poses) != len(fit.poses):
             continue
-        turn = _onto(rival.corners, own)[1]
+        turn = onto(rival.corners, own)[1]
         origin = rival.corners.mean(axis=0) - middle @ turn  # the fit's, in the rival's frame
         (x, y), cos, sin = origin, np.cos(rival.poses[:, 2]), np.sin(rival.poses[:, 2])
         there = rival.poses[:, :2] + np.column_stack([cos * x - sin * y, sin * x + cos * y])
@@ -156,7 +156,7 @@ def _squares(steps: FloatArray) -> FloatArray:
     return np.asarray(steps[..., :, None] * steps[..., None, :])
 
 
-def _onto(corners: FloatArray, to: FloatArray) -> tuple[int, FloatArray, FloatArray]:
+def onto(corners: FloatArray, to: FloatArray) -> tuple[int, FloatArray, FloatArray]:
     """Return by how many corners to roll an outline, and its turn (2, 2), so that it lies on another about its mean."""
     best, least = (0, np.eye(2), corners), math.inf
     for first in range(len(to)):
