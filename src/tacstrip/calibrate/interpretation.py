@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.calibrate.fit import ModelFit, fit_model
 from tacstrip.calibrate.goodness import Goodness, assess_fit
-from tacstrip.calibrate.model import predict
+from tacstrip.calibrate.linearised import jacobian
+from tacstrip.calibrate.model import PARTS, Constants, initial_constants, predict
 from tacstrip.calibrate.model_selection import fit_planned, planned_model
 from tacstrip.calibrate.residuals import residuals
 from tacstrip.errors import SpecError
@@ -23,6 +24,9 @@ _FAR_BETTER = 1.0 / 3.0  # of the residual as the runs are read: another interpr
 _HOPELESS = 2.0
 _LEAST = 0.003  # over Vref: a residual below this is no misreading
 _SLANTED = 0.1  # of the length, from strip to strip: a press that tells strips apart
+_ASSIGNMENTS = 3  # fits at most
+_SURELY_MOVED = 20.0  # variances of the noise that another place must leave less
+_LEAST_PRIOR = 1e-3  # of Vref: what the prior's rows weigh, as a noise
 _EXCHANGED = 0.01  # over Vref: a strip whose readings are another's is further off
 _UNITS = {
     10.0: "centimetres",
@@ -128,8 +132,78 @@ def exchanged_strips(sensor: Sensor, runs: Runs, fit: ModelFit) -> str:
             "the presses that lie slanted across the strips lie the other way than the runs say: were their l entered "
             "from the wrong side, or are the strips counted from the other side?"
         )
-    pairs = ", ".join(f"{i + sensor.strip_base} is {right[i] + sensor.strip_base}" for i in moved)
-    return f"strips are exchanged, by the presses that lie slanted across them: strip {pairs}"
+    return f"strips are exchanged, by the presses that lie slanted across them: {_pairs(sensor, right)}"
+
+
+def other_assignment(sensor: Sensor, runs: Runs, as_read: Goodness) -> str:
+    """Say which strips' readings belong to other strips' places, where read so they fit far better; "" otherwise.
+
+    Bars that lie straight cannot tell. Slanted ones do, though each strip's offset and gain take up most of what its
+    places are off by: all assignments are compared by what the planned model, linearised, leaves of each strip's
+    readings at each strip's places, and the best one by a fit (the Hungarian method, Kuhn 1955).
+    """
+    strips = np.flatnonzero(np.isfinite(runs.l_mm).any(axis=0))
+    there = np.asarray(np.isfinite(runs.l_mm[:, strips]).all(axis=1))
+    told = right = np.arange(sensor.strips)
+    constants = initial_constants(planned_model(sensor), sensor, runs.signatures)
+    if len(strips) < 2 or not np.ptp(np.stack([runs.l_mm, runs.w_mm])[:, there][:, :, strips], axis=2).any():
+        return ""
+    for _ in range(_ASSIGNMENTS):
+        before, right = right, told.copy()
+        left = _left_at_places(sensor, runs, constants, there)[np.ix_(strips, strips)]
+        left += _SURELY_MOVED * as_read.noise**2 * (1.0 - np.eye(len(strips)))
+        right[strips] = strips[linear_sum_assignment(left)[1]]
+        if np.array_equal(right, before):
+            break
+        order = np.argsort(right)
+        other = replace(runs, raw={name: values[:, order] for name, values in runs.raw.items()})
+        fit = fit_planned(sensor, other)
+        constants = replace(
+            constants, shared=np.array([fit.constants.value(p) for p in constants.model.shared])
+        )
+    moved = right != told
+    if not moved.any():
+        return ""
+    try:
+        found = assess_fit(sensor, fit, other)
+    except SpecError:
+        return ""
+    as_is, as_moved = (float(np.sqrt(np.mean(g.strips[moved] ** 2))) for g in (as_read, found))
+    beyond = as_is > (2.0 if as_read.repeated else 1.0) * as_read.noise
+    if found.doubt or found.poor_strips or not beyond or as_moved > _FAR_BETTER * as_is:
+        return ""
+    if np.array_equal(right, told[::-1]):
+        words = "the strips are in reversed order: they are counted from the other side"
+    else:
+        words = "strips are exchanged: " + _pairs(sensor, right)
+    return (
+        f"{words}: read so, the fit leaves {100.0 * as_moved:.2g} % of Vref on them, and {100.0 * as_is:.2g} % as the "
+        "runs are"
+    )
+
+
+def _left_at_places(sensor: Sensor, runs: Runs, constants: Constants, there: BoolArray) -> FloatArray:
+    """Return the squares that the linearised model leaves of strips' readings at strips' places (readings, places)."""
+    l, w = (np.where(np.isfinite(v), v, 0.0)[there] for v in (runs.l_mm, runs.w_mm))
+    plain = replace(constants, own=np.zeros_like(constants.own))
+    by = jacobian(sensor, plain, l, w)  # (signatures, contacts, strips, parameters)
+    names = (*constants.model.shared, *constants.names)
+    prior = np.diag([1.0 / PARTS[n.split()[0]].prior for n in names])
+    predicted = np.stack(list(predict(plain, sensor, l, w).values()))
+    read = np.nan_to_num(np.stack([runs.raw[n][there] for n in runs.signatures])).reshape(-1, sensor.strips)
+    left = np.zeros((sensor.strips, sensor.strips))
+    for place in range(sensor.strips):
+        off = read - predicted[:, :, place].reshape(-1, 1)
+        rows = np.concatenate([by[:, :, place].reshape(len(off), -1), _LEAST_PRIOR * prior])
+        q = np.linalg.qr(rows)[0][: len(off)]
+        left[:, place] = (off**2).sum(axis=0) - ((q.T @ off) ** 2).sum(axis=0)
+    return left
+
+
+def _pairs(sensor: Sensor, right: IntArray) -> str:
+    """Return which strip's place each strip's readings belong to, of those that are another's."""
+    moved = np.flatnonzero(right != np.arange(len(right)))
+    return "strip " + ", ".join(f"{i + sensor.strip_base} is {right[i] + sensor.strip_base}" for i in moved)
 
 
 def _interpretations(sensor: Sensor, runs: Runs) -> Iterator[tuple[str, Runs]]:
@@ -154,7 +228,6 @@ def _interpretations(sensor: Sensor, runs: Runs) -> Iterator[tuple[str, Runs]]:
         if other := possible.get(mirrored):
             words = "Vref and ground are exchanged on the unit, or l_mm is counted from the end at Vref"
             yield words, _exchanged(other)
-    yield "the strips are in reversed order: they are counted from the other side", _reversed_strips(runs)
 
 
 def _with_places(runs: Runs, sensor: Sensor, l: FloatArray, w: FloatArray) -> Runs | None:

@@ -13,7 +13,7 @@ from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.calibrate.changes import changed
 from tacstrip.calibrate.fit import ModelFit, offsets_at_median, usable_rows
 from tacstrip.calibrate.goodness import Goodness, assess, assess_fit, repeat_noise, spoilt
-from tacstrip.calibrate.interpretation import exchanged_strips, misread, reversed_order
+from tacstrip.calibrate.interpretation import exchanged_strips, misread, other_assignment, reversed_order
 from tacstrip.calibrate.linearised import jacobian
 from tacstrip.calibrate.model import Constants, apply, predict
 from tacstrip.calibrate.model_selection import Search, Trial, fit_named, select_model
@@ -330,6 +330,7 @@ def calibrate_unit(
             misread(plain, runs, as_read)
             or reversed_order(sensor, runs)
             or exchanged_strips(plain, runs, first)
+            or other_assignment(plain, runs, as_read)
         ):
             raise ReadingError(f"{why}. Put it right; if the runs are right as they are, give --force")
     with_means = replace(plain, calibration=mean_offsets(plain, halves))
