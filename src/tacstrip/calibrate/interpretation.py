@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -13,7 +13,7 @@ from tacstrip.calibrate.fit import ModelFit, fit_model
 from tacstrip.calibrate.goodness import Goodness, assess_fit
 from tacstrip.calibrate.linearised import jacobian
 from tacstrip.calibrate.model import PARTS, Constants, initial_constants, predict
-from tacstrip.calibrate.model_selection import fit_planned, planned_model
+from tacstrip.calibrate.model_selection import fit_planned, planned_model, select_model
 from tacstrip.calibrate.residuals import residuals
 from tacstrip.errors import SpecError
 from tacstrip.io.runs import Runs
@@ -26,6 +26,7 @@ _LEAST = 0.003  # over Vref: a residual below this is no misreading
 _SLANTED = 0.1  # of the length, from strip to strip: a press that tells strips apart
 _ASSIGNMENTS = 3  # fits at most
 _SURELY_MOVED = 20.0  # variances of the noise that another place must leave less
+_LIKELIER = 10.0  # the logarithm of how many times: single places that contradict themselves make less
 _LEAST_PRIOR = 1e-3  # of Vref: what the prior's rows weigh, as a noise
 _EXCHANGED = 0.01  # over Vref: a strip whose readings are another's is further off
 _UNITS = {
@@ -132,54 +133,88 @@ def exchanged_strips(sensor: Sensor, runs: Runs, fit: ModelFit) -> str:
             "the presses that lie slanted across the strips lie the other way than the runs say: were their l entered "
             "from the wrong side, or are the strips counted from the other side?"
         )
-    return f"strips are exchanged, by the presses that lie slanted across them: {_pairs(sensor, right)}"
+    return f"strips are exchanged, by the presses that lie slanted across them: {_pairs(right, sensor.strip_base)}"
 
 
-def other_assignment(sensor: Sensor, runs: Runs, as_read: Goodness) -> str:
-    """Say which strips' readings belong to other strips' places, where read so they fit far better; "" otherwise.
+@dataclass(frozen=True, eq=False)
+class Assignment:
+    """Runs with strips' readings at other strips' places, which the planned model describes better there.
+
+    Attributes
+    ----------
+    right
+        The strip whose places each strip's readings belong to (strips,).
+    runs, fit
+        The runs as then meant, and the planned model's fit to them.
+    """
+
+    right: IntArray
+    runs: Runs
+    fit: ModelFit
+
+    def words(self, base: int) -> str:
+        """Say which strips are exchanged."""
+        if np.array_equal(self.right, np.arange(len(self.right))[::-1]):
+            return "the strips are in reversed order: they are counted from the other side"
+        return f"strips are exchanged: {_pairs(self.right, base)}"
+
+
+def other_assignment(sensor: Sensor, runs: Runs, noise: float) -> Assignment | None:
+    """Return the best assignment of readings to strips' places; None where it is that of the runs.
 
     Bars that lie straight cannot tell. Slanted ones do, though each strip's offset and gain take up most of what its
-    places are off by: all assignments are compared by what the planned model, linearised, leaves of each strip's
-    readings at each strip's places, and the best one by a fit (the Hungarian method, Kuhn 1955).
+    places are off by: assignments are compared by what the planned model, linearised, leaves of each strip's readings
+    at each strip's places (the Hungarian method, Kuhn 1955), with the constants that strips share fitted in turn.
     """
     strips = np.flatnonzero(np.isfinite(runs.l_mm).any(axis=0))
     there = np.asarray(np.isfinite(runs.l_mm[:, strips]).all(axis=1))
-    told = right = np.arange(sensor.strips)
-    constants = initial_constants(planned_model(sensor), sensor, runs.signatures)
     if len(strips) < 2 or not np.ptp(np.stack([runs.l_mm, runs.w_mm])[:, there][:, :, strips], axis=2).any():
-        return ""
+        return None
+    constants = initial_constants(planned_model(sensor), sensor, runs.signatures)
+    found: Assignment | None = None
     for _ in range(_ASSIGNMENTS):
-        before, right = right, told.copy()
         left = _left_at_places(sensor, runs, constants, there)[np.ix_(strips, strips)]
-        left += _SURELY_MOVED * as_read.noise**2 * (1.0 - np.eye(len(strips)))
+        left += _SURELY_MOVED * noise**2 * (1.0 - np.eye(len(strips)))
+        right = np.arange(sensor.strips)
         right[strips] = strips[linear_sum_assignment(left)[1]]
-        if np.array_equal(right, before):
+        if found and np.array_equal(right, found.right):
             break
+        if np.array_equal(right, np.arange(sensor.strips)):
+            return None
         order = np.argsort(right)
         other = replace(runs, raw={name: values[:, order] for name, values in runs.raw.items()})
-        fit = fit_planned(sensor, other)
-        constants = replace(
-            constants, shared=np.array([fit.constants.value(p) for p in constants.model.shared])
-        )
-    moved = right != told
-    if not moved.any():
-        return ""
+        found = Assignment(right, other, fit_planned(sensor, other))
+        shared = [found.fit.constants.value(part) for part in constants.model.shared]
+        constants = replace(constants, shared=np.array(shared))
+    return found
+
+
+def exchanged_places(sensor: Sensor, as_read: Goodness, other: Assignment) -> str:
+    """Say that strips are exchanged where another assignment leaves far less of their readings; "" otherwise."""
+    moved = other.right != np.arange(sensor.strips)
     try:
-        found = assess_fit(sensor, fit, other)
+        found = assess_fit(sensor, other.fit, other.runs)
     except SpecError:
         return ""
     as_is, as_moved = (float(np.sqrt(np.mean(g.strips[moved] ** 2))) for g in (as_read, found))
     beyond = as_is > (2.0 if as_read.repeated else 1.0) * as_read.noise
     if found.doubt or found.poor_strips or not beyond or as_moved > _FAR_BETTER * as_is:
         return ""
-    if np.array_equal(right, told[::-1]):
-        words = "the strips are in reversed order: they are counted from the other side"
-    else:
-        words = "strips are exchanged: " + _pairs(sensor, right)
     return (
-        f"{words}: read so, the fit leaves {100.0 * as_moved:.2g} % of Vref on them, and {100.0 * as_is:.2g} % as the "
-        "runs are"
+        f"{other.words(sensor.strip_base)}: read so, the fit leaves {100.0 * as_moved:.2g} % of Vref on them, and "
+        f"{100.0 * as_is:.2g} % as the runs are"
     )
+
+
+def likelier_assignment(sensor: Sensor, fit: ModelFit, other: Assignment) -> str:
+    """Say that strips are exchanged where the best model makes the readings far likelier so; "" otherwise.
+
+    Uneven rubber leaves much of either, and parts that describe it take up what places are off by.
+    """
+    times = select_model(sensor, other.runs)[0].evidence - fit.evidence
+    if times < _LIKELIER:
+        return ""
+    return f"{other.words(sensor.strip_base)}: read so, the runs are e^{times:.0f} times likelier"
 
 
 def _left_at_places(sensor: Sensor, runs: Runs, constants: Constants, there: BoolArray) -> FloatArray:
@@ -200,10 +235,10 @@ def _left_at_places(sensor: Sensor, runs: Runs, constants: Constants, there: Boo
     return left
 
 
-def _pairs(sensor: Sensor, right: IntArray) -> str:
+def _pairs(right: IntArray, base: int) -> str:
     """Return which strip's place each strip's readings belong to, of those that are another's."""
     moved = np.flatnonzero(right != np.arange(len(right)))
-    return "strip " + ", ".join(f"{i + sensor.strip_base} is {right[i] + sensor.strip_base}" for i in moved)
+    return "strip " + ", ".join(f"{i + base} is {right[i] + base}" for i in moved)
 
 
 def _interpretations(sensor: Sensor, runs: Runs) -> Iterator[tuple[str, Runs]]:
