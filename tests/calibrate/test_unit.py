@@ -549,6 +549,52 @@ def test_a_slanted_press_on_strips_in_order_is_no_alarm(kind: str, wide: float) 
         assert ts.calibrate_unit(sensor, runs, model="offset+gain+lambda").status == "ok"
 
 
+def _slanted_runs(order: list[int]) -> tuple[ts.Sensor, Runs]:
+    """Return runs of bars that all lie slanted by 2 % of L a strip, of a unit that is wired in another order."""
+    rng, strips, length = np.random.default_rng(4), len(order), 200.0
+    sensor = ts.Sensor(construction="crs-crs", strips=strips, pitch_mm=6.5, length_mm=length)
+    low, w = (
+        np.repeat(v, 2)[:, None] for v in ([0.1, 0.3, 0.5, 0.7, 0.1, 0.25], [0.0, 0.0, 0.0, 0.0, 0.3, 0.5])
+    )
+    l = length * (low + 0.02 * (np.arange(strips) - 0.5 * strips))
+    w = np.broadcast_to(length * w, l.shape)
+    own = replace(sensor, contact_lambda_mm=1.0, resistivity_ratio=1.1)
+    raw = {
+        name: (
+            rng.uniform(0.99, 1.01, strips) * k
+            + rng.uniform(-0.02, 0.02, strips)
+            + rng.normal(0, 5e-4, l.shape)
+        )
+        for name, k in ts.signatures(own, l, l + w).items()
+    }
+    line = np.arange(2, 2 + l.size).reshape(l.shape)
+    return sensor, Runs(l, w, {name: k[:, order] for name, k in raw.items()}, line=line, rest={})
+
+
+@pytest.mark.parametrize(
+    ("order", "words"),
+    [
+        (
+            [1, 2, 3, 4, 5, 6, 7, 0],
+            "strip 0 is 1, 1 is 2, 2 is 3, 3 is 4, 4 is 5, 5 is 6, 6 is 7, 7 is 0: read so",
+        ),
+        (
+            [0, 1, 2, 4, 3, 5, 6, 7],
+            "strips are exchanged: strip 3 is 4, 4 is 3: read so",
+        ),
+        ([7, 6, 5, 4, 3, 2, 1, 0], "strips are in reversed order"),
+    ],
+)
+def test_bars_that_all_lie_slanted_show_exchanged_strips(order: list[int], words: str) -> None:
+    """Each strip's offset takes up most of what its places are off by, and no constant all of it."""
+    with pytest.raises(ts.ReadingError, match=words):
+        ts.calibrate_unit(*_slanted_runs(order))
+
+
+def test_bars_that_all_lie_slanted_on_strips_in_order_are_no_alarm() -> None:
+    assert ts.calibrate_unit(*_slanted_runs([*range(8)]), model="offset+gain+ratio+lambda").status == "ok"
+
+
 @pytest.mark.parametrize("factor", [1.0, 0.9])
 def test_readings_all_scaled_alike_are_asked_about(factor: float) -> None:
     sensor, runs = _planned_runs("sound", np.random.default_rng(2))

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.calibrate.fit import ModelFit, fit_model
 from tacstrip.calibrate.goodness import Goodness, assess_fit
-from tacstrip.calibrate.model import predict
-from tacstrip.calibrate.model_selection import fit_planned, planned_model
+from tacstrip.calibrate.linearised import jacobian
+from tacstrip.calibrate.model import PARTS, Constants, initial_constants, predict
+from tacstrip.calibrate.model_selection import fit_planned, planned_model, select_model
 from tacstrip.calibrate.residuals import residuals
 from tacstrip.errors import SpecError
 from tacstrip.io.runs import Runs
@@ -23,6 +24,10 @@ _FAR_BETTER = 1.0 / 3.0  # of the residual as the runs are read: another interpr
 _HOPELESS = 2.0
 _LEAST = 0.003  # over Vref: a residual below this is no misreading
 _SLANTED = 0.1  # of the length, from strip to strip: a press that tells strips apart
+_ASSIGNMENTS = 3  # fits at most
+_SURELY_MOVED = 20.0  # variances of the noise that another place must leave less
+_LIKELIER = 10.0  # the logarithm of how many times: single places that contradict themselves make less
+_LEAST_PRIOR = 1e-3  # of Vref: what the prior's rows weigh, as a noise
 _EXCHANGED = 0.01  # over Vref: a strip whose readings are another's is further off
 _UNITS = {
     10.0: "centimetres",
@@ -128,8 +133,112 @@ def exchanged_strips(sensor: Sensor, runs: Runs, fit: ModelFit) -> str:
             "the presses that lie slanted across the strips lie the other way than the runs say: were their l entered "
             "from the wrong side, or are the strips counted from the other side?"
         )
-    pairs = ", ".join(f"{i + sensor.strip_base} is {right[i] + sensor.strip_base}" for i in moved)
-    return f"strips are exchanged, by the presses that lie slanted across them: strip {pairs}"
+    return f"strips are exchanged, by the presses that lie slanted across them: {_pairs(right, sensor.strip_base)}"
+
+
+@dataclass(frozen=True, eq=False)
+class Assignment:
+    """Runs with strips' readings at other strips' places, which the planned model describes better there.
+
+    Attributes
+    ----------
+    right
+        The strip whose places each strip's readings belong to (strips,).
+    runs, fit
+        The runs as then meant, and the planned model's fit to them.
+    """
+
+    right: IntArray
+    runs: Runs
+    fit: ModelFit
+
+    def words(self, base: int) -> str:
+        """Say which strips are exchanged."""
+        if np.array_equal(self.right, np.arange(len(self.right))[::-1]):
+            return "the strips are in reversed order: they are counted from the other side"
+        return f"strips are exchanged: {_pairs(self.right, base)}"
+
+
+def other_assignment(sensor: Sensor, runs: Runs, noise: float) -> Assignment | None:
+    """Return the best assignment of readings to strips' places; None where it is that of the runs.
+
+    Bars that lie straight cannot tell. Slanted ones do, though each strip's offset and gain take up most of what its
+    places are off by: assignments are compared by what the planned model, linearised, leaves of each strip's readings
+    at each strip's places (the Hungarian method, Kuhn 1955), with the constants that strips share fitted in turn.
+    """
+    strips = np.flatnonzero(np.isfinite(runs.l_mm).any(axis=0))
+    there = np.asarray(np.isfinite(runs.l_mm[:, strips]).all(axis=1))
+    if len(strips) < 2 or not np.ptp(np.stack([runs.l_mm, runs.w_mm])[:, there][:, :, strips], axis=2).any():
+        return None
+    constants = initial_constants(planned_model(sensor), sensor, runs.signatures)
+    found: Assignment | None = None
+    for _ in range(_ASSIGNMENTS):
+        left = _left_at_places(sensor, runs, constants, there)[np.ix_(strips, strips)]
+        left += _SURELY_MOVED * noise**2 * (1.0 - np.eye(len(strips)))
+        right = np.arange(sensor.strips)
+        right[strips] = strips[linear_sum_assignment(left)[1]]
+        if found and np.array_equal(right, found.right):
+            break
+        if np.array_equal(right, np.arange(sensor.strips)):
+            return None
+        order = np.argsort(right)
+        other = replace(runs, raw={name: values[:, order] for name, values in runs.raw.items()})
+        found = Assignment(right, other, fit_planned(sensor, other))
+        shared = [found.fit.constants.value(part) for part in constants.model.shared]
+        constants = replace(constants, shared=np.array(shared))
+    return found
+
+
+def exchanged_places(sensor: Sensor, as_read: Goodness, other: Assignment) -> str:
+    """Say that strips are exchanged where another assignment leaves far less of their readings; "" otherwise."""
+    moved = other.right != np.arange(sensor.strips)
+    try:
+        found = assess_fit(sensor, other.fit, other.runs)
+    except SpecError:
+        return ""
+    as_is, as_moved = (float(np.sqrt(np.mean(g.strips[moved] ** 2))) for g in (as_read, found))
+    beyond = as_is > (2.0 if as_read.repeated else 1.0) * as_read.noise
+    if found.doubt or found.poor_strips or not beyond or as_moved > _FAR_BETTER * as_is:
+        return ""
+    return (
+        f"{other.words(sensor.strip_base)}: read so, the fit leaves {100.0 * as_moved:.2g} % of Vref on them, and "
+        f"{100.0 * as_is:.2g} % as the runs are"
+    )
+
+
+def likelier_assignment(sensor: Sensor, fit: ModelFit, other: Assignment) -> str:
+    """Say that strips are exchanged where the best model makes the readings far likelier so; "" otherwise.
+
+    Uneven rubber leaves much of either, and parts that describe it take up what places are off by.
+    """
+    times = select_model(sensor, other.runs)[0].evidence - fit.evidence
+    if times < _LIKELIER:
+        return ""
+    return f"{other.words(sensor.strip_base)}: read so, the runs are e^{times:.0f} times likelier"
+
+
+def _left_at_places(sensor: Sensor, runs: Runs, constants: Constants, there: BoolArray) -> FloatArray:
+    """Return the squares that the linearised model leaves of strips' readings at strips' places (readings, places)."""
+    l, w = (np.where(np.isfinite(v), v, 0.0)[there] for v in (runs.l_mm, runs.w_mm))
+    plain = replace(constants, own=np.zeros_like(constants.own))
+    by = jacobian(sensor, plain, l, w)  # (signatures, contacts, strips, parameters)
+    names = (*constants.model.shared, *constants.names)
+    prior = np.diag([1.0 / PARTS[n.split()[0]].prior for n in names])
+    predicted = np.stack(list(predict(plain, sensor, l, w).values()))
+    read = np.nan_to_num(np.stack([runs.raw[n][there] for n in runs.signatures])).reshape(-1, sensor.strips)
+    left = np.zeros((sensor.strips, sensor.strips))
+    for place in range(sensor.strips):
+        off = read - predicted[:, :, place].reshape(-1, 1)
+        rows = np.concatenate([by[:, :, place].reshape(len(off), -1), _LEAST_PRIOR * prior])
+        q = np.linalg.qr(rows)[0][: len(off)]
+        left[:, place] = (off**2).sum(axis=0) - ((q.T @ off) ** 2).sum(axis=0)
+    return left
+
+
+def _pairs(right: IntArray, base: int) -> str:
+    """Return which strip's place each strip's readings belong to, of those that are another's."""
+    moved = np.flatnonzero(right != np.arange(len(right)))
+    return "strip " + ", ".join(f"{i + base} is {right[i] + base}" for i in moved)
 
 
 def _interpretations(sensor: Sensor, runs: Runs) -> Iterator[tuple[str, Runs]]:
@@ -154,7 +263,6 @@ def _interpretations(sensor: Sensor, runs: Runs) -> Iterator[tuple[str, Runs]]:
         if other := possible.get(mirrored):
             words = "Vref and ground are exchanged on the unit, or l_mm is counted from the end at Vref"
             yield words, _exchanged(other)
-    yield "the strips are in reversed order: they are counted from the other side", _reversed_strips(runs)
 
 
 def _with_places(runs: Runs, sensor: Sensor, l: FloatArray, w: FloatArray) -> Runs | None:

@@ -13,7 +13,14 @@ from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.calibrate.changes import changed
 from tacstrip.calibrate.fit import ModelFit, offsets_at_median, usable_rows
 from tacstrip.calibrate.goodness import Goodness, assess, assess_fit, repeat_noise, spoilt
-from tacstrip.calibrate.interpretation import exchanged_strips, misread, reversed_order
+from tacstrip.calibrate.interpretation import (
+    exchanged_places,
+    exchanged_strips,
+    likelier_assignment,
+    misread,
+    other_assignment,
+    reversed_order,
+)
 from tacstrip.calibrate.linearised import jacobian
 from tacstrip.calibrate.model import Constants, apply, predict
 from tacstrip.calibrate.model_selection import Search, Trial, fit_named, select_model
@@ -323,21 +330,26 @@ def calibrate_unit(
     runs, wide, sensor = _fitted(runs, sensor, out), sensor.converter, replace(sensor, converter=None)
     plain = replace(sensor, calibration=None)
     search = Search(plain, runs)
+    other, force_words = None, "Put it right; if the runs are right as they are, give --force"
     if not force:
         first = search.first()
         as_read = assess_fit(plain, first, runs)
+        other = other_assignment(plain, runs, as_read.noise)
         if why := (
             misread(plain, runs, as_read)
             or reversed_order(sensor, runs)
             or exchanged_strips(plain, runs, first)
+            or (other and exchanged_places(plain, as_read, other))
         ):
-            raise ReadingError(f"{why}. Put it right; if the runs are right as they are, give --force")
+            raise ReadingError(f"{why}. {force_words}")
     with_means = replace(plain, calibration=mean_offsets(plain, halves))
     fit: ModelFit | None = None
     trials: tuple[Trial, ...] = ()
     others: list[ModelFit] = []
     if model == "auto":
         fit, trials = select_model(plain, runs, search)
+        if other and (why := likelier_assignment(plain, fit, other)):
+            raise ReadingError(f"{why}. {force_words}")
         others = [
             f
             for f in search.tried.values()
