@@ -103,6 +103,13 @@ class RecordingError(TacstripError, ValueError):
 class PortError(TacstripError, OSError):
     """A device that cannot be used: no such port, no tacstrip firmware on it, another sensor than the spec.
 
+    Parameters
+    ----------
+    text
+        The message.
+    unconfirmed
+        How many of the latest scans of a stream that it ends may be another unit's; recordings leave them out.
+
     Examples
     --------
     >>> import tacstrip as ts
@@ -111,6 +118,10 @@ class PortError(TacstripError, OSError):
         ...
     tacstrip.errors.PortError: /dev/none: no such port...
     """
+
+    def __init__(self, text: str, unconfirmed: int = 0) -> None:
+        super().__init__(text)
+        self.unconfirmed = unconfirmed
 
 
 class OptionError(TacstripError, ValueError):

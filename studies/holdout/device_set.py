@@ -24,7 +24,7 @@ _VERSION, _RATE, _STRIPS, _BITS = 1, 100.0, 10, 12
 _SECONDS = 4.5  # of a case
 _MARKS = 6  # strips whose k_h carries three bits each of the scan's own number
 SPAN = 1800  # us: from the first strip to the last
-_AT = 1.5  # s: when what happens once happens
+AT = 1.5  # s: when what happens once happens
 
 
 def crc16(data: bytes) -> int:
@@ -218,6 +218,7 @@ class Trouble:
     before: Callable[[Device], bytes] = lambda d: d.hello()
     onset: float = 0.0  # when it begins [s]
     seconds: float = 0.0  # how long it needs, where that is longer
+    calibrated: str = ""  # the spec has a calibration of this unit
 
 
 CLOCK = r"clock|time"
@@ -247,7 +248,7 @@ def once(do: Callable[[Device, float], None]) -> Callable[[Device, int, float], 
     """Return a step that does something once, at 1.5 s."""
 
     def step(d: Device, number: int, t: float) -> bytes | None:
-        if t > _AT and not d.turned:
+        if t > AT and not d.turned:
             d.turned = True
             do(d, t)
         return d.scan(foreign=(d.unit, d.strips) != d.own) if d.streaming else None
@@ -341,7 +342,7 @@ def _replug(d: Device, t: float, unit: str = "left-hand") -> None:
 
 def _stopped(d: Device, number: int, t: float) -> bytes | None:
     """Forget that it was started, without a reset."""
-    if t > _AT and not d.turned:
+    if t > AT and not d.turned:
         d.turned, d.streaming = True, False
     return d.scan() if d.streaming else None
 
@@ -361,25 +362,25 @@ ANOTHER = r"another (unit|device|sensor)|right-hand|unit"
 TROUBLES: dict[str, Trouble] = {
     "sound": Trouble(),
     "restart, hello lost, waits for START": Trouble(
-        RESTART, onset=_AT, step=once(lambda d, t: _restart(d, t, False, False))
+        RESTART, onset=AT, step=once(lambda d, t: _restart(d, t, False, False))
     ),
     "restart, hello lost, goes on": Trouble(
-        RESTART, onset=_AT, step=once(lambda d, t: _restart(d, t, False, True))
+        RESTART, onset=AT, step=once(lambda d, t: _restart(d, t, False, True))
     ),
-    "restart with a hello": Trouble(RESTART, onset=_AT, step=once(lambda d, t: _restart(d, t, True, False))),
+    "restart with a hello": Trouble(RESTART, onset=AT, step=once(lambda d, t: _restart(d, t, True, False))),
     "another unit, hello lost": Trouble(
-        ANOTHER, True, onset=_AT, step=once(_become(False, unit="right-hand"))
+        ANOTHER, True, onset=AT, step=once(_become(False, unit="right-hand"))
     ),
     "another unit, with a hello": Trouble(
-        ANOTHER, True, onset=_AT, step=once(_become(True, unit="right-hand"))
+        ANOTHER, True, onset=AT, step=once(_become(True, unit="right-hand"))
     ),
     "another number of strips": Trouble(
-        "another|strips", True, onset=_AT, step=once(_become(False, "right-hand", more=2))
+        "another|strips", True, onset=AT, step=once(_become(False, "right-hand", more=2))
     ),
     "another unit, does not identify itself": Trouble(
         "identif|hello|another|restart|anew",
         True,
-        onset=_AT,
+        onset=AT,
         step=once(_become(False, unit="right-hand", answers=False)),
     ),
     "clock stands": _clock(lambda t: 1.0 + min(t, 1.0), onset=1.0),
@@ -408,7 +409,7 @@ TROUBLES: dict[str, Trouble] = {
     "hello unasked": Trouble(step=every(60, lambda d: d.hello() + d.scan())),
     "hello unasked, in a flood": Trouble(step=every(2, lambda d: d.hello() + d.scan())),
     "silence for two seconds": Trouble("silen|no scan|nothing|stop|quiet|wait", onset=1.0, step=_silent),
-    "stops without a reset": Trouble("silen|no scan|nothing|stop|again|restart", onset=_AT, step=_stopped),
+    "stops without a reset": Trouble("silen|no scan|nothing|stop|again|restart", onset=AT, step=_stopped),
     "flood": Trouble(step=_flood),
     "bursts": Trouble(step=_burst),
     "byte by byte": Trouble(step=_bytewise),
@@ -418,13 +419,13 @@ TROUBLES: dict[str, Trouble] = {
     "a hundred strips": Trouble(make=lambda random: Device(strips=100, bits=16)),
     "stale bytes before the hello": Trouble(before=lambda d: d.random.bytes(300) + d.hello()),
     "unplugged and plugged in": Trouble(
-        "unplug|gone|again|lost|disconnect|restart", onset=_AT, step=once(_replug)
+        "unplug|gone|again|lost|disconnect|restart", onset=AT, step=once(_replug)
     ),
     "another unit plugged in": Trouble(
-        ANOTHER, True, onset=_AT, step=once(lambda d, t: _replug(d, t, "right-hand"))
+        ANOTHER, True, onset=AT, step=once(lambda d, t: _replug(d, t, "right-hand"))
     ),
     "another unit, with escapes in its name": Trouble(
-        ANOTHER, True, onset=_AT, step=once(_become(True, unit="\x1b[31mred"))
+        ANOTHER, True, onset=AT, step=once(_become(True, unit="\x1b[31mred"))
     ),
     "clock 3 % fast": Trouble(
         CLOCK, make=lambda random: Device(clock=lambda t: 1.0 + 1.03 * t), seconds=110.0
@@ -483,7 +484,8 @@ def score(seed: int, number: int, troubles: dict[str, Trouble] | None = None) ->
         device.link, file = Path(name) / "port", Path(name) / "session.mcap"
         device.plug()
         sensor = ts.Sensor(
-            construction=device.construction, strips=device.strips, pitch_mm=5.0, length_mm=100.0, adc_bits=device.bits
+            construction=device.construction, strips=device.strips, pitch_mm=5.0, length_mm=100.0, adc_bits=device.bits,
+            calibration=ts.Calibration(unit=trouble.calibrated) if trouble.calibrated else None,
         )  # fmt: skip
         quiet, stop = threading.Event(), threading.Event()
         thread = threading.Thread(target=_run, args=(device, trouble, quiet, stop), daemon=True)

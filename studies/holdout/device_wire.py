@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import select
 import struct
+import threading
 import time
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Any
 
 from studies.holdout import device_set
-from studies.holdout.device_set import ANOTHER, CLOCK, RESTART, Device, Trouble, every, framed, once
+from studies.holdout.device_set import ANOTHER, AT, CLOCK, RESTART, Device, Trouble, every, framed, once
 
 
 @dataclass
@@ -29,19 +32,39 @@ class _Behind(Device):
 
 @dataclass
 class _Slow(Device):
-    """A unit that is slow to answer, behind an old hello of the unit before it."""
+    """A unit that answers late, if at all, behind an old hello of the unit before it: from when the host asks."""
 
+    late: float = 0.5  # s
     asked: float = 0.0
 
     def obey(self) -> None:
-        """Answer what came half a second ago."""
-        if not self.asked:
+        """Answer what came so long ago."""
+        if not self.asked and select.select([self.host], [], [], 0.0)[0]:
             self.asked = time.monotonic()
             self.unit, name = "left-hand", self.unit
             self.put(self.hello())
             self.unit = name
-        if time.monotonic() > self.asked + 0.5:
+        if self.asked and time.monotonic() > self.asked + self.late:
             super().obey()
+
+
+@dataclass
+class _Loaded(Device):
+    """A device whose host has more to do than it can."""
+
+    busy: list[threading.Thread] = field(default_factory=list)
+
+    def obey(self) -> None:
+        """Answer, while threads keep the host's interpreter busy."""
+        if not self.busy:
+            self.busy = [threading.Thread(target=self._spin, daemon=True) for _ in range(3)]
+            for thread in self.busy:
+                thread.start()
+        super().obey()
+
+    def _spin(self) -> None:
+        while self.link.parent.exists():
+            sum(range(1000))
 
 
 def _cold(old: int) -> Trouble:
@@ -52,6 +75,30 @@ def _cold(old: int) -> Trouble:
         before=lambda d: b"",
         step=_foreign,
     )
+
+
+def _late(least: float, most: float, answers: bool = True) -> Trouble:
+    return Trouble(
+        ANOTHER if answers else "who it is",
+        True,
+        make=lambda random: _Slow(unit="right-hand", answers=answers, late=random.uniform(least, most)),
+        before=lambda d: b"",
+        step=_foreign,
+        seconds=2.0 + most,
+    )
+
+
+def _taken_over(
+    hellos: int = 0, ahead: int = 0, clock: float = 0.0, make: Callable[..., Device] = Device
+) -> Trouble:
+    """Another unit goes on where the first one was, its number and its clock so far ahead [s]."""
+
+    def do(d: Device, t: float) -> None:
+        before = d.clock
+        d.unit, d.sequence, d.clock = "right-hand", d.sequence + ahead, lambda t: before(t) + clock
+        d.put(d.hello() * hellos)
+
+    return Trouble(ANOTHER, True, onset=AT, make=lambda random: make(), step=once(do))
 
 
 def _foreign(d: Device, number: int, t: float) -> bytes | None:
@@ -119,9 +166,18 @@ def _long_span(d: Device) -> bytes:
 TROUBLES: dict[str, Trouble] = {
     "another unit behind an old hello": _cold(1),
     "another unit behind three old hellos": _cold(3),
-    "another unit, its hello half a second late": Trouble(
-        ANOTHER, True, make=lambda random: _Slow(unit="right-hand"), before=lambda d: b"", step=_foreign
+    "another unit, its hello half a second late": _late(0.5, 0.5),
+    "another unit, its hello late by .1 to 5 s": _late(0.1, 4.8),
+    "another unit, its hello lost": _late(0.1, 0.1, answers=False),
+    "another unit than the calibration's": Trouble(
+        ANOTHER, True, make=lambda random: Device(unit="right-hand"), step=_foreign, calibrated="left-hand"
     ),
+    "a calibration of no named unit": Trouble("names no unit", calibrated="the one with the long cable"),
+    "another unit goes on without a gap": _taken_over(),
+    "another unit goes on without a gap, busy host": _taken_over(make=_Loaded),
+    "another unit goes on and says so twice": _taken_over(hellos=2),
+    "another unit goes on after a small gap": _taken_over(ahead=9, clock=0.3),
+    "sound, busy host": Trouble(make=lambda random: _Loaded()),
     "hellos that say it is idle": Trouble("told to send", step=every(60, _idle)),
     "results of a test unasked": Trouble("test", counted=True, step=every(40, _tested)),
     "strips that do not fill the body": Trouble("length|kind|corrupt", counted=True, step=every(11, _short)),

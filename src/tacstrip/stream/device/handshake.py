@@ -112,8 +112,8 @@ def check_alone(hello: Hello, first: Hello, since_s: float) -> None:
     """
     if since_s < _BOTH_S and hello.unit_name != first.unit_name:
         raise WrongDeviceError(
-            f"two units answer on one line, {first.unit_name!r} and {hello.unit_name!r} (or were exchanged within "
-            f"{_BOTH_S:g} s): which scan is whose cannot be told; take one of them off the line and start again"
+            f"two units answer on one line, {first.unit_name!r} and {hello.unit_name!r} (or were exchanged just "
+            "now): which scan is whose cannot be told; take one of them off the line and start again"
         )
 
 

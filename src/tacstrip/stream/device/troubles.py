@@ -64,12 +64,12 @@ class Troubles:
                 self._tell(words.format(more))
                 self._told = self._told._replace(**{kind: getattr(counts, kind)})
 
-    def check_late(self, late: int, asked: bool, now_s: float) -> None:
+    def check_late(self, late: int, seen: bool, now_s: float) -> None:
         """Report scans that began late by the device's own count since its start.
 
-        Not `asked`: the device may have waited for a reader who was away.
+        Not `seen` by a reader that was waiting for them: the device may have waited for a reader who was away.
         """
-        if asked and late > self._late:
+        if seen and late > self._late:
             text = (
                 f"{late} scan(s) began a period or more too late, says the device: it cannot keep this rate"
             )

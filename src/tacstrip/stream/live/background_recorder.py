@@ -40,7 +40,7 @@ class BackgroundRecorder:
 
     def __init__(self, recorder: Recorder, notify: Callable[..., None]) -> None:
         self.recorder, self._notify = recorder, notify
-        self.failed = False
+        self.failed, self._take_back = False, 0
         self._queue: BoundedQueue[tuple[RawScan, tuple[LiveTrack, ...]]] = BoundedQueue(
             _QUEUE_SCANS, keep=True
         )
@@ -53,8 +53,9 @@ class BackgroundRecorder:
         """Record a scan and its objects over time; waits while 20,000 scans wait for the disk."""
         self._queue.put((raw, tracks))
 
-    def close(self) -> None:
-        """Write all scans that wait, complete the file and report its contents."""
+    def close(self, take_back: int = 0) -> None:
+        """Write all scans that wait, complete the file without the last `take_back` and report its contents."""
+        self._take_back = take_back
         self._queue.close()
         self._end.set()
         self._thread.join()
@@ -69,6 +70,7 @@ class BackgroundRecorder:
                     for raw, tracks in self._queue.get_all():
                         recorder.add(replace(raw, tracks=tuple(self._stored(one) for one in tracks)))
                     recorder.idle(_BATCH_S)
+                recorder.take_back(self._take_back)
         except Exception as error:
             self.failed = True
             self._queue.close()

@@ -22,7 +22,7 @@ from typing import Self
 from tacstrip.arguments import takes
 from tacstrip.contact.noise import Noise
 from tacstrip.core.binding import exported
-from tacstrip.errors import OptionError, TacstripError, in_words
+from tacstrip.errors import OptionError, PortError, TacstripError, in_words
 from tacstrip.reconstruction.methods import chosen_method
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
@@ -253,12 +253,13 @@ class Live:
         return recorder
 
     def stop_recording(self, recorder: Recorder | None = None) -> None:
-        """End a recording, if it is in progress; None: all."""
+        """End a recording, if it is in progress; None: all. Scans that may be another unit's are taken back."""
         with self._writing:
             ended = [w for w in self._writers if recorder is None or w.recorder is recorder]
             self._writers = tuple(w for w in self._writers if w not in ended)
+        take_back = self.error.unconfirmed if isinstance(self.error, PortError) else 0
         for writer in ended:
-            writer.close()
+            writer.close(take_back)
             self.recording_failed |= writer.failed
 
     @property

@@ -90,8 +90,7 @@ class McapFile:
             yield
         except OSError as error:
             with suppress(OSError):  # if this fails too, `recover` reads the rest
-                self._write(self._end)
-                self._raw.truncate(self.size_bytes + len(self._end))
+                self._write_end()
             with suppress(OSError):
                 self._raw.close()
             raise OSError(error.errno, error.strerror, str(self.path)) from error
@@ -130,6 +129,19 @@ class McapFile:
                 self._raw.truncate(self.size_bytes)
                 self._sync()
                 self._raw.close()
+
+    def cut_back(self, size_bytes: int) -> None:
+        """End the file, without an index, with what it held when it had this size after a flush."""
+        self._buffer.clear()
+        self.size_bytes = size_bytes
+        with self.guard():
+            self._write_end()
+            self._sync()
+            self._raw.close()
+
+    def _write_end(self) -> None:
+        self._write(self._end)
+        self._raw.truncate(self.size_bytes + len(self._end))
 
     def _sync(self) -> None:
         """Wait until the disk has the data of a durable file, and the first time its name, too."""

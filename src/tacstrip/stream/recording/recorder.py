@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -13,7 +14,7 @@ from typing import Self
 import numpy as np
 
 from tacstrip.arguments import takes
-from tacstrip.errors import RecordingError
+from tacstrip.errors import PortError, RecordingError
 from tacstrip.sensor.layers import AnySensor, LayeredSensor
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.codes import decode
@@ -30,6 +31,7 @@ POLYGON_TOPICS = {status: f"/tacstrip/polygon{ending}" for status, ending in _EN
 TRACK_TOPIC = "/tacstrip/track"
 TRACK_POLYGON_TOPICS = {status: f"/tacstrip/track_polygon{ending}" for status, ending in _ENDINGS.items()}
 MAX_AGE_S = 0.08  # longest time that a scan waits in memory, so that a killed recorder loses less than 0.1 s
+_FLUSHES = 4096  # that may be taken back: minutes
 
 
 class Recorder:
@@ -106,12 +108,14 @@ class Recorder:
         self._file = McapFile(path, force, durable)
         self.path = self._file.path
         own = {"format": FORMAT, "names": ",".join(names), "origin_ns": str(origin_ns)}
-        with self._file.discarded_on_error():
-            self._begin({**(about or {}), **own})
         self._reference: Mapping[str, CodeArray] = {}
         self._waiting_bytes = 0
+        # Scans, polygons, tracks and bytes at each.
+        self._flushed: deque[tuple[int, int, int, int]] = deque(maxlen=_FLUSHES)
         self._first_s = 0.0  # time of the first scan that waits, by its own clock
         self._since = 0.0  # and by the monotonic clock
+        with self._file.discarded_on_error():
+            self._begin({**(about or {}), **own})
 
     def _begin(self, about: Mapping[str, str]) -> None:
         writer, now = self._file.writer, time.time_ns()
@@ -134,7 +138,7 @@ class Recorder:
                 for topics in (POLYGON_TOPICS, TRACK_POLYGON_TOPICS)
             )
             self._track_channel = writer.register_channel(TRACK_TOPIC, "cdr", schema_of(messages.TRACK))
-        self._file.flush()
+        self.flush()
 
     @property
     def size_bytes(self) -> int:
@@ -186,6 +190,16 @@ class Recorder:
         """Write all scans to disk."""
         self._file.flush()
         self._reference, self._waiting_bytes, self.saved_scans = {}, 0, self.scans
+        self._flushed.append((self.scans, self.polygons, self.tracks, self.size_bytes))
+
+    def take_back(self, scans: int) -> None:
+        """Complete the file without its last scans, as they may be another unit's; up to 0.1 s more go with them."""
+        if self._file.closed or not scans:
+            return
+        kept = [state for state in self._flushed if state[0] <= self.scans - scans] or [self._flushed[0]]
+        self.scans, self.polygons, self.tracks, size_bytes = kept[-1]
+        self.saved_scans = self.scans
+        self._file.cut_back(size_bytes)
 
     def close(self) -> None:
         """Complete the file; may be called twice."""
@@ -196,7 +210,8 @@ class Recorder:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, kind: object, error: BaseException | None, where: object) -> None:
+        self.take_back(error.unconfirmed if isinstance(error, PortError) else 0)
         self.close()
 
 

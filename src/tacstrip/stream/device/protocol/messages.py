@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import enum
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Self, TypeAlias
 
 import numpy as np
@@ -46,6 +46,8 @@ class Hello:
         Time to read all strips [us].
     late
         Number of scans since the last start that began a period or more too late.
+    number
+        Of the scan that comes next, as the frame's header says; not part of the body.
     """
 
     construction: str
@@ -60,6 +62,7 @@ class Hello:
     cycle_us: int = 0
     late: int = 0
     unit_name: str = "tacstrip"
+    number: int = field(default=0, compare=False)
 
     def encode(self, sequence: int = 0, time_us: int = 0) -> bytes:
         """Return the frame. `sequence` is the number of the scan that comes next.
@@ -205,7 +208,8 @@ Message: TypeAlias = Hello | Reply | SelfTest | Command
 def parse_message(frame: WireFrame) -> Message | None:
     """Return the message of a frame; None where it is a scan, of unknown kind, or its body has the wrong length."""
     if frame.kind in _PARSERS:
-        return _PARSERS[frame.kind].parse(frame.body)
+        message = _PARSERS[frame.kind].parse(frame.body)
+        return replace(message, number=frame.sequence) if isinstance(message, Hello) else message
     return Command.parse(frame) if Kind.IDENTIFY <= frame.kind <= Kind.TEST else None
 
 
