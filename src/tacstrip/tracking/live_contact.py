@@ -60,7 +60,8 @@ class LiveTrack:
     Attributes
     ----------
     id
-        Its number, counted from 1. One that is lifted and pressed again keeps it where its shape is recognised.
+        Its number, counted from 1. One that is lifted and pressed again keeps it where its shape is recognised; what
+        its shape explains no more has a new one, as have objects that look alike after they met.
     outline
         Corners (N, 2) [mm], counter-clockwise, in the object's frame; none where no shape is known.
     pose
