@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import itertools
 from collections import Counter
 
@@ -11,11 +10,11 @@ import shapely
 
 import tacstrip as ts
 from studies.holdout.readings import Unit, white
-from studies.holdout.score import CLAIMS, FINAL
+from studies.holdout.score import CLAIMS
 from studies.holdout.shapes import Array
 from studies.holdout.tracks_bound import at
 from studies.holdout.tracks_live_set import _APART_S, _LEVEL, _wrong
-from studies.holdout.tracks_set import drawn_outline, drawn_way
+from studies.holdout.tracks_set import drawn_outline, drawn_way, scene_options, unlocked
 
 _WIDE, _LONG, _STRIPS = 240.0, 150.0, 24  # the sensor [mm]
 _PART = 45  # scans of each part of a scene
@@ -127,16 +126,9 @@ _COLUMNS = ("scans", "claimed", "wrong", "another's number", "of these ok", "ren
 
 def main() -> None:
     """Print a row for each event."""
-    options = argparse.ArgumentParser(
-        description="Live tracks of objects that are lifted, exchanged, or meet."
-    )
-    options.add_argument("--scenes", type=int, default=10)
-    options.add_argument("--seed", type=int, default=0, help=f"from {FINAL} on: once, at the end")
-    options.add_argument("--final", action="store_true", help=f"unlocks seeds from {FINAL} on")
+    options = scene_options("Live tracks of objects that are lifted, exchanged, or meet.", scenes=10)
     options.add_argument("--events", nargs="+", choices=EVENTS, default=EVENTS)
-    given = options.parse_args()
-    if given.seed >= FINAL and not given.final:
-        options.error(f"seeds from {FINAL} on decide: --final")
+    given = unlocked(options)
     print(f"| event | scenes | {' | '.join(_COLUMNS)} | scenes with another's number |")  # noqa: T201
     print("| --- " * (len(_COLUMNS) + 3) + "|", flush=True)  # noqa: T201
     for event in given.events:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import math
 from dataclasses import dataclass
 
@@ -11,10 +10,10 @@ import shapely
 
 import tacstrip as ts
 from studies.holdout.readings import Unit, white
-from studies.holdout.score import CLAIMS, FINAL, RIGHT
+from studies.holdout.score import CLAIMS, RIGHT
 from studies.holdout.shapes import Array
 from studies.holdout.tracks_bound import at
-from studies.holdout.tracks_set import drawn_outline, drawn_way, hausdorff_mm
+from studies.holdout.tracks_set import drawn_outline, drawn_way, hausdorff_mm, scene_options, unlocked
 
 _SIDE, _STRIPS, _LEVEL, _APART_S = (
     100.0,
@@ -131,16 +130,9 @@ def line(event: str, found: list[list[Seen]]) -> str:
 
 def main() -> None:
     """Print a row for each event."""
-    options = argparse.ArgumentParser(
-        description="Live tracks when an object stops, jumps, is lifted, swapped."
-    )
-    options.add_argument("--scenes", type=int, default=20)
-    options.add_argument("--seed", type=int, default=0, help=f"from {FINAL} on: once, at the end")
-    options.add_argument("--final", action="store_true", help=f"unlocks seeds from {FINAL} on")
+    options = scene_options("Live tracks when an object stops, jumps, is lifted, swapped.", scenes=20)
     options.add_argument("--verbose", action="store_true", help="scans that are wrong, a line a scene")
-    given = options.parse_args()
-    if given.seed >= FINAL and not given.final:
-        options.error(f"seeds from {FINAL} on decide: --final")
+    given = unlocked(options)
     print(HEAD, flush=True)  # noqa: T201
     for event in EVENTS:
         found = [followed(event, given.seed, number) for number in range(given.scenes)]

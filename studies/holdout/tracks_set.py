@@ -593,17 +593,29 @@ LIMITS = (
 )
 
 
-def main() -> None:
-    """Print a row of a table for each kind of scene."""
-    options = argparse.ArgumentParser(
-        description="Tracks of rigid outlines, and of what is none, beside the truth."
-    )
-    options.add_argument("--rows", help="names, separated by semicolons; left out: all")
-    options.add_argument("--scenes", type=int, default=25)
+def scene_options(description: str, scenes: int) -> argparse.ArgumentParser:
+    """Return a parser of how many scenes, by default `scenes`, of which seed."""
+    options = argparse.ArgumentParser(description=description)
+    options.add_argument("--scenes", type=int, default=scenes)
     options.add_argument(
         "--seed", type=int, default=0, help=f"0 to 9 to tune; from {FINAL} on: once, at the end"
     )
     options.add_argument("--final", action="store_true", help=f"unlocks seeds from {FINAL} on")
+    return options
+
+
+def unlocked(options: argparse.ArgumentParser) -> argparse.Namespace:
+    """Return the options given; ends the program at a seed that decides, where nobody said so."""
+    given = options.parse_args()
+    if given.seed >= FINAL and not given.final:
+        options.error(f"seeds from {FINAL} on decide: --final")
+    return given
+
+
+def main() -> None:
+    """Print a row of a table for each kind of scene."""
+    options = scene_options("Tracks of rigid outlines, and of what is none, beside the truth.", scenes=25)
+    options.add_argument("--rows", help="names, separated by semicolons; left out: all")
     options.add_argument(
         "--limits",
         type=float,
@@ -613,9 +625,7 @@ def main() -> None:
     options.add_argument("--noises", help="in place of the rows' own, separated by semicolons")
     options.add_argument("--claims", action="store_true", help="a table by shape, motion, noise and scans")
     options.add_argument("--verbose", action="store_true", help="a line for every scene")
-    given = options.parse_args()
-    if given.seed >= FINAL and not given.final:
-        options.error(f"seeds from {FINAL} on decide: --final")
+    given = unlocked(options)
     rows = given.rows.split(";") if given.rows else list(ROWS)
     if unknown := [name for name in rows if name not in ROWS]:
         options.error(one_of("--rows", unknown[0], ROWS))

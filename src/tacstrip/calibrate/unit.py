@@ -33,6 +33,7 @@ from tacstrip.sensor.left_out import leave_out, left_out
 from tacstrip.sensor.raw import with_equal_codes
 from tacstrip.sensor.spec import Sensor
 
+_PUT_RIGHT = "Put it right; if the runs are right as they are, give --force"
 _PLACES = 24  # along a strip
 _LENGTHS = (0.0, 0.15, 0.3, 0.45)  # of a strip
 _SIGMAS, _ONE_SIDE = 2.0, 1.64  # that hold 95 %: of an error about 0, of one about something large
@@ -330,7 +331,7 @@ def calibrate_unit(
     runs, wide, sensor = _fitted(runs, sensor, out), sensor.converter, replace(sensor, converter=None)
     plain = replace(sensor, calibration=None)
     search = Search(plain, runs)
-    other, force_words = None, "Put it right; if the runs are right as they are, give --force"
+    other = None
     if not force:
         first = search.first()
         as_read = assess_fit(plain, first, runs)
@@ -341,7 +342,7 @@ def calibrate_unit(
             or exchanged_strips(plain, runs, first)
             or (other and exchanged_places(plain, as_read, other))
         ):
-            raise ReadingError(f"{why}. {force_words}")
+            raise ReadingError(f"{why}. {_PUT_RIGHT}")
     with_means = replace(plain, calibration=mean_offsets(plain, halves))
     fit: ModelFit | None = None
     trials: tuple[Trial, ...] = ()
@@ -349,7 +350,7 @@ def calibrate_unit(
     if model == "auto":
         fit, trials = select_model(plain, runs, search)
         if other and (why := likelier_assignment(plain, fit, other)):
-            raise ReadingError(f"{why}. {force_words}")
+            raise ReadingError(f"{why}. {_PUT_RIGHT}")
         others = [
             f
             for f in search.tried.values()

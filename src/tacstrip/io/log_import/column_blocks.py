@@ -26,9 +26,7 @@ def ask_for_block(clues: Clues, why: str, names: list[str], wide: int) -> list[s
         "readings",
         f"{why}: which {wide} are the readings of the strips in their order (else name all, with commas)?",
         *shown,
-        of_form=all(
-            n.startswith("column ") for n in names
-        ),  # names that number nothing, none but the user knows
+        of_form=all(n.startswith("column ") for n in names),  # only the user knows what other names number
     )
     return names[-wide:]
 
