@@ -34,7 +34,8 @@ _OUTLINES = {
     "fork": [(0, 0), (1, 0), (1, 1), (0.66, 1), (0.66, 0.4), (0.33, 0.4), (0.33, 1), (0, 1)],
 }
 _CONVEX = ("rectangle", "triangle", "tetragon", "hexagon")
-_ELSEWHERE = ("intermittent", "pressure", "wander")  # faults that `studies/workshop.py` makes
+# Faults that `Defect` does not make, but `studies/workshop.py`, or for all strips tests/diagnose/test_common_supply.py.
+_ELSEWHERE = ("intermittent", "pressure", "wander", "loose-ground", "loose-supply")
 HEALTHY = ("exercise", "still", "taps", "steps", "two objects", "edge", "slide", "turn", "narrow")
 
 
