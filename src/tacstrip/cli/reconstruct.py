@@ -27,7 +27,7 @@ from tacstrip.reconstruction.known_object.fit import fit_object
 from tacstrip.reconstruction.methods import chosen_method, reconstruct
 from tacstrip.reconstruction.result import Reconstruction
 from tacstrip.scan import Scan
-from tacstrip.sensor.layers import LayeredSensor, unit_of
+from tacstrip.sensor.layers import AnySensor, LayeredSensor, unit_of
 from tacstrip.sensor.left_out import left_out_wholly
 from tacstrip.sensor.raw import invert_calibration
 from tacstrip.sensor.spec import Sensor
@@ -112,20 +112,7 @@ def command(
     unit, layered = unit_of(spec), isinstance(spec, LayeredSensor)
     only = (name for name in _OF_METHODS if name != "assessment")
     options.belong(not layered, "is for a sensor of one layer", "known_object", *only)
-    scans = read_readings(readings, spec)
-    if not any(s.touched.any() for s in scans):
-        raise ReadingError(
-            f"{readings}: no strip is touched in any of {len(scans)} scan(s): every reading is empty, or within "
-            "touch_volt of rest_volt. Check the wiring and the spec"
-        )
-    if average > len(scans):
-        raise OptionError(f"--average {average}: {readings} has {len(scans)} scan(s)")
-    if over := len(scans) % average:
-        warn(
-            f"--average {average}: the last {over} of {len(scans)} scans are too few for a mean, and left out"
-        )
-    if average > 1:
-        scans = [Scan.mean(scans[i : i + average]) for i in range(0, len(scans) - average + 1, average)]
+    scans = _means(_touched(readings, spec), average, readings)
     chosen = chosen_method(method or ("vertex" if options.given("transitions", "reading") else None), unit)
     check_method("--method", chosen, unit, scans[0].signatures)
     for name, methods in _OF_METHODS.items():
@@ -161,13 +148,8 @@ def command(
     source = "" if chosen in _NOISELESS else options.noise_source(known, unit)
     around_mm = unit.width_mm if unit.closed else None
     _report(results, contact, around_mm, source)
-    if not layered and known_object is None and (over_edge := _at_the_border(results, unit)):
-        note(
-            f"{over_edge} object(s) reach the sensor's outermost strips: they may hang over its edge, and area and "
-            "outline are of what lies on the sensor"
-        )
-    if not layered and known_object is None and (shorter := _shortened(results, unit)):
-        note(shorter)
+    if not layered and known_object is None:
+        _note_what_is_not_seen(results, unit)
     if output is not None:
         if output.suffix.lower() == ".csv":
             write_table(output, object_records(results, contact, around_mm=around_mm))
@@ -181,6 +163,41 @@ def command(
         click.echo(json.dumps(feature_collection(results), indent=1))
     if not any(o.found for r in results for o in r.objects):
         sys.exit(1)
+
+
+def _touched(readings: Path, spec: AnySensor) -> list[Scan]:
+    """Return a file's scans, in some of which anything touches."""
+    scans = read_readings(readings, spec)
+    if not any(s.touched.any() for s in scans):
+        raise ReadingError(
+            f"{readings}: no strip is touched in any of {len(scans)} scan(s): every reading is empty, or within "
+            "touch_volt of rest_volt. Check the wiring and the spec"
+        )
+    return scans
+
+
+def _means(scans: list[Scan], average: int, readings: Path) -> list[Scan]:
+    """Return means of every `average` scans."""
+    if average > len(scans):
+        raise OptionError(f"--average {average}: {readings} has {len(scans)} scan(s)")
+    if over := len(scans) % average:
+        warn(
+            f"--average {average}: the last {over} of {len(scans)} scans are too few for a mean, and left out"
+        )
+    if average == 1:
+        return scans
+    return [Scan.mean(scans[i : i + average]) for i in range(0, len(scans) - average + 1, average)]
+
+
+def _note_what_is_not_seen(results: list[Reconstruction], sensor: Sensor) -> None:
+    """Say which objects may reach beyond the sensor, or be longer than they read."""
+    if over_edge := _at_the_border(results, sensor):
+        note(
+            f"{over_edge} object(s) reach the sensor's outermost strips: they may hang over its edge, and area and "
+            "outline are of what lies on the sensor"
+        )
+    if shorter := _shortened(results, sensor):
+        note(shorter)
 
 
 def _area(text: str) -> float | tuple[float, float]:
