@@ -162,30 +162,12 @@ def learn_noise(log: Log, vertices: int | None = None) -> LearnedNoise:
         strays=strays,
         stray_size=stray_size,
     )
-    free = np.isfinite(values).sum()
-    sure = {"white": 1.0 / math.sqrt(2.0 * free)}
-    if len(slow):
-        looks = values.shape[1] * max(lasts_s / (2.0 * float(time_s[1:].max())), 0.0)
-        sure["wander"] = 1.0 / math.sqrt(2.0 * max(looks, 0.5))
-        if lasts_s < 3.0 * time_s[1:].max():
-            unidentifiable.append(
-                f"how far the zero wanders in longer than {lasts_s / 3.0:.2g} s, but by the strips' differences"
-            )
+    sure, long_wander = _how_sure(values, lasts_s, time_s[1:])
+    unidentifiable += long_wander
     if touched:
-        like = _like_neighbours(values, channels, white + step)
-        if like:
-            unidentifiable.append(
-                f"what of the slow change neighbouring strips share: theirs correlate by {like:.2f} more than those of "
-                "strips far apart, as of a wander that neighbours share or a contact that creeps, which [noise] cannot "
-                "describe; errors of where the contact ends are not told from it"
-            )
-        noise, more, why_not = _static(log, noise, period_s, vertices, edges=not like)
+        noise, more, untold = _of_the_contact(log, noise, values, channels, period_s, white + step, vertices)
         sure |= more
-        unidentifiable.append(
-            "a common offset of all channels, a gain's error, and how far all ends lie too far out: press known shapes"
-        )
-        if why_not:
-            unidentifiable.append(f"errors that do not change, such as of where the contact ends: {why_not}")
+        unidentifiable += untold
     else:
         unidentifiable.insert(
             0,
@@ -196,6 +178,48 @@ def learn_noise(log: Log, vertices: int | None = None) -> LearnedNoise:
     return LearnedNoise(
         noise, sure, *allan_deviation(values), period_s, len(values), channels, touched, tuple(unidentifiable)
     )
+
+
+def _how_sure(values: FloatArray, lasts_s: float, wander_s: FloatArray) -> tuple[dict[str, float], list[str]]:
+    """Return relative deviations of what was learned, and what of the wander was not."""
+    sure = {"white": 1.0 / math.sqrt(2.0 * np.isfinite(values).sum())}
+    if not len(wander_s):
+        return sure, []
+    longest_s = float(wander_s.max())
+    looks = values.shape[1] * max(lasts_s / (2.0 * longest_s), 0.0)
+    sure["wander"] = 1.0 / math.sqrt(2.0 * max(looks, 0.5))
+    if lasts_s >= 3.0 * longest_s:
+        return sure, []
+    return sure, [
+        f"how far the zero wanders in longer than {lasts_s / 3.0:.2g} s, but by the strips' differences"
+    ]
+
+
+def _of_the_contact(
+    log: Log,
+    noise: Noise,
+    values: FloatArray,
+    channels: tuple[str, ...],
+    period_s: float,
+    white: float,
+    vertices: int | None,
+) -> tuple[Noise, dict[str, float], list[str]]:
+    """Return the noise with what the contact's outline tells, how sure that is, and what it does not tell."""
+    untold = []
+    like = _like_neighbours(values, channels, white)
+    if like:
+        untold.append(
+            f"what of the slow change neighbouring strips share: theirs correlate by {like:.2f} more than those of "
+            "strips far apart, as of a wander that neighbours share or a contact that creeps, which [noise] cannot "
+            "describe; errors of where the contact ends are not told from it"
+        )
+    noise, sure, why_not = _static(log, noise, period_s, vertices, edges=not like)
+    untold.append(
+        "a common offset of all channels, a gain's error, and how far all ends lie too far out: press known shapes"
+    )
+    if why_not:
+        untold.append(f"errors that do not change, such as of where the contact ends: {why_not}")
+    return noise, sure, untold
 
 
 _ROUNDED = (
