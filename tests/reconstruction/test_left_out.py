@@ -203,7 +203,7 @@ def test_a_faulty_channel_is_no_border_of_strips_at_rest() -> None:
     scan = ts.simulate(SENSOR, contact, NOISE, rng=1)
     kl = scan["kl"].copy()
     kl[4] = 1.0
-    # Two objects explain this concave outline on ten strips, too, with a probability of .12.
+    # Two objects explain this concave outline on ten strips, too, with a probability of .08.
     (found,) = ts.fit_polygon(ts.Scan(kh=scan["kh"], kl=kl), SENSOR, NOISE, one_object=True).objects
     assert (found.status, found.faulty) == (SURE, ("5:v_l",))
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import tacstrip as ts
 from tacstrip.arrays import FloatArray
 from tacstrip.core.convex_chain import convex_regression
 from tacstrip.reconstruction.pieces import pair
+from tacstrip.reconstruction.pieces.run import split_run
 
 
 def test_no_chain_is_fitted_to_no_strips(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -22,15 +24,24 @@ def test_no_chain_is_fitted_to_no_strips(monkeypatch: pytest.MonkeyPatch) -> Non
     x = np.arange(12.0)
     low = np.where(x < 6, 20.0, 30.0)
     ends = pair.Ends(x, np.stack([low, np.full(12, 60.0)]), np.full((2, 12), 0.1), 1.0)
-    assert pair.likeliest_pair(ends, ([6], [6]), ([6], []), pair.Seen(0.1, 6, [0.3])) is not None
+    assert pair.likeliest_pair(ends, ([6], [6]), ([6], []), pair.Seen(0.1, 0.3, 3.0)) is not None
     assert min(sizes) > 0
 
 
 @pytest.mark.parametrize(
-    "less", [pair.Seen(0.02, 6, [0.3, 0.3]), pair.Seen(0.1, 4, [0.3, 0.3]), pair.Seen(0.1, 6, [0.3])]
+    "less", [pair.Seen(0.02, 0.3, 2.0), pair.Seen(0.1, 0.6, 2.0), pair.Seen(0.1, 0.3, 1.0)]
 )
-def test_a_narrow_gap_few_corners_and_a_lone_jump_speak_for_one_object(less: pair.Seen) -> None:
-    assert less.log_odds < pair.Seen(0.1, 6, [0.3, 0.3]).log_odds
+def test_a_narrow_gap_a_high_jump_and_a_breadth_as_the_height_speak_for_one_object(less: pair.Seen) -> None:
+    assert less.log_odds < pair.Seen(0.1, 0.3, 2.0).log_odds
+
+
+def test_pieces_are_seen_as_wholes() -> None:
+    x, jump = np.arange(24.0) + 0.5, np.arange(24) >= 12
+    sensor = ts.Sensor(construction="crs-crs", strips=24, pitch_mm=1.0, length_mm=100.0)
+    pieces = split_run(sensor, x, np.where(jump, 20.0, 35.0), np.full(24, 60.0), 1e-4)
+    seen = pieces.seen
+    assert (seen.rise, seen.proportion) == pytest.approx((15.0 / 40.0, 40.0 / 24.0))
+    assert seen.gap == pytest.approx(pieces.distance_mm / 100.0)
 
 
 @pytest.mark.parametrize(

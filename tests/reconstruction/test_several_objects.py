@@ -146,7 +146,7 @@ def test_a_concave_outline_of_two_triangles_is_doubted_with_both_as_the_alternat
     assert found.status == "doubtful"
     assert "two objects on the same strips explain the readings too" in found.advice
     likeliest = found.alternatives[0]
-    assert likeliest.weight > 0.4  # it nearly touches: of drawn contacts that read so, half are two objects
+    assert likeliest.weight > 0.2  # they nearly touch, hardly higher than broad: of drawn ones 1 in 5 is two
     assert (found.confidence is not None) == (assessment == "fast" and DRAWN)
     assert (found.confidence or 0.0) < 1.0 - likeliest.weight + 0.01
     for shown, truth in zip((likeliest.vertices, *likeliest.others), _PAIR, strict=True):

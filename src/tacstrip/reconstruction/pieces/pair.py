@@ -29,11 +29,9 @@ _SLACK = 3.0
 # that one of two begins, or ends, within a strip of the other has a probability of so much over the strips; a contact
 # of one object is pointed there, by so many pitches a strip, as often as it has any other width.
 _OVERHANG, _WITHIN_A_STRIP, _POINTED = 0.2, 2.0, 2.0
-# From log odds by that prior to those of drawn pairs and concave shapes, as many of each: a constant, a factor, what
-# the logarithm of a gap (and so much) tells, each corner of the concave outline, each jump, and the highest one's
-# logarithm.
-_CONSTANT, _FACTOR, _BY_GAP, _TOUCHING = -2.27, 1.55, 1.1, 0.005
-_BY_CORNER, _BY_COUNT, _BY_RISE, _FLAT = 0.39, 2.73, -1.66, 0.02
+# From log odds by that prior to those of drawn pairs and concave shapes, as many of each: a constant, and what the
+# logarithms of a gap (and so much), of the highest jump (and so much) and of the contact's proportion tell.
+_CONSTANT, _BY_GAP, _TOUCHING, _BY_RISE, _FLAT, _BY_PROPORTION = 1.45, 0.85, 0.005, -0.53, 0.02, 3.5
 # Log odds of a pair to one convex object, of which some four times as many are met, fitted to drawn ones: a constant,
 # powers of an end's jump over the contact's breadth and of the width (at least so much) at the other side over its
 # height, and what parallel sides tell, within so many deviations of chi square.
@@ -92,28 +90,29 @@ class Ends:
 
 @dataclass(frozen=True)
 class Seen:
-    """How a concave outline, and convex pieces that explain the same readings, look as wholes.
+    """How convex pieces that explain a concave outline's readings look as wholes.
 
     Attributes
     ----------
     gap
         Least distance over the strips' length between what is seen of pieces; 0: they touch.
-    n_vertices
-        Of the outline.
-    rises
-        By how much an end jumps where a piece begins or ends, over the contact's height.
+    rise
+        By how much an end jumps at most where a piece begins or ends, over the contact's height.
+    proportion
+        The contact's height over its breadth. Of two objects that share strips one lies above the other, so that both
+        together are rather higher than broad, as one object seldom is; less than 1 tells nothing.
     """
 
     gap: float
-    n_vertices: int
-    rises: Sequence[float]
+    rise: float
+    proportion: float
 
     @property
     def log_odds(self) -> float:
         """What they tell of two objects against a concave one, which jumps one by one do not."""
-        highest = math.log(max(self.rises, default=0.0) + _FLAT)
-        of_jumps = _BY_COUNT * len(self.rises) + _BY_RISE * highest
-        return _CONSTANT + _BY_GAP * math.log(self.gap + _TOUCHING) + _BY_CORNER * self.n_vertices + of_jumps
+        of_gap = _BY_GAP * math.log(self.gap + _TOUCHING)
+        of_size = _BY_PROPORTION * math.log(max(self.proportion, 1.0))
+        return _CONSTANT + of_gap + of_size + _BY_RISE * math.log(self.rise + _FLAT)
 
 
 def likeliest_pair(
@@ -134,7 +133,7 @@ def likeliest_pair(
         Strips right of the inward corners of l, and of u: between them the concave object's chains are convex. None:
         the one object is convex.
     seen
-        What the concave outline and its pieces tell.
+        What pieces that explain the concave outline's readings tell.
     """
     n, best, found = len(ends.x), math.log(_LEAST / (1.0 - _LEAST)), None
     limit = math.inf if corners is None else math.log(4.0 / _OVERHANG)
@@ -187,7 +186,7 @@ def likeliest_pair(
             best, found = odds, shown
     if found is None:
         return None
-    odds = best if seen is None else _FACTOR * best + seen.log_odds
+    odds = best if seen is None else best + seen.log_odds
     return Pair(*found, 1.0 / (1.0 + math.exp(-odds)), corners is None)
 
 

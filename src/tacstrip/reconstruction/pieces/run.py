@@ -13,6 +13,7 @@ from tacstrip.errors import SignatureError
 from tacstrip.reconstruction.contact_ends import end_deviations
 from tacstrip.reconstruction.pieces.chain import Chain, Cut, split_chain
 from tacstrip.reconstruction.pieces.cover import Cover, Read, least_cover
+from tacstrip.reconstruction.pieces.pair import Seen
 from tacstrip.reconstruction.sections import reading_noise
 from tacstrip.sensor.spec import Sensor
 
@@ -101,6 +102,14 @@ class RunPieces:
         """
         # The first is the widest.
         return self.cover.gap_mm(self.pitch) if self.count > 1 else 0.0
+
+    @property
+    def seen(self) -> Seen:
+        """How they look as wholes."""
+        height = float(np.ptp([self.read.l.min(), self.read.u.max()]))
+        rise = max((cut.rise for _, cut in self.cuts if cut.kind != "corner"), default=0.0)
+        length, breadth = self.gap / GAP, len(self.read.x) * self.pitch
+        return Seen(self.distance_mm / length, rise / height, height / breadth)
 
     @property
     def apart(self) -> bool:

@@ -19,7 +19,7 @@ from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.contact_ends import closed_ends, end_deviations
 from tacstrip.reconstruction.noise_covariance import CorrelatedErrors
 from tacstrip.reconstruction.pieces.chain import Cut
-from tacstrip.reconstruction.pieces.pair import Ends, Pair, Seen, likeliest_pair
+from tacstrip.reconstruction.pieces.pair import Ends, Pair, likeliest_pair
 from tacstrip.reconstruction.pieces.run import RunPieces, split_run
 from tacstrip.reconstruction.polygon.chi_square import squares_score
 from tacstrip.reconstruction.polygon.convexity import (
@@ -51,6 +51,7 @@ _EVENTS = 4
 # or no polygon does.
 _HIDDEN, _HIDDEN_OPEN = 0.55, 0.35
 IF_ONE = "if you know that it is one object, say so (`reconstruct --one-object`)"
+NOTED = 0.05  # probability of two objects: less is not told
 _NOISIER = 3.0  # times the noise given: neighbours that differ by so much are noise, not jumps
 # Of an outermost strip, where just one end jumps: pitches, deviations, and strips at least that tell a jump.
 _SPIKE, _SURE, _LEAST_STRIPS = 2.0, 6.0, 4
@@ -220,9 +221,7 @@ def second_look(
         more = f"; at least {pieces.count} convex pieces explain the readings"
         return wrong if one_object or pieces.count == 1 else wrong + more, None
     jumps = [cut for _, cut in pieces.cuts if cut.kind != "corner"]
-    rises = [cut.rise / float(np.ptp([pieces.read.l.min(), pieces.read.u.max()])) for cut in jumps]
-    seen = Seen(pieces.distance_mm / sensor.length_mm, len(outline.vertices), rises)
-    pair = _pair_of(run, sensor, pieces, inward_corners(fit), seen)
+    pair = _pair_of(run, sensor, pieces, inward_corners(fit))
     step = max((cut.rise for cut in jumps), default=0.0)
     jump = f"an end jumps by {step:.3g} mm from one strip to the next"
     at = jump if jumps else "a gap may hide in an inward corner"
@@ -238,10 +237,12 @@ def second_look(
     hidden = max((_behind(cut, pieces.read.x) / area for cut in jumps), default=0.0)
     likely_two = not one_object and pair is not None and pair.probability >= 0.5
     if hidden > (_HIDDEN_OPEN if wrong or apart else _HIDDEN) and not likely_two:
-        or_several = "" if one_object else ", or several objects on the same strips"
+        share = f"{100.0 * min(hidden, 1.0):.0f} % of the outline or more may not be touched"
+        if one_object or pair is None or pair.probability < NOTED:
+            return f"{at}: behind such an overhang {share}; turn the object", pair
         return (
-            f"the contact is concave{or_several}: {at}, and behind such an overhang "
-            f"{100.0 * min(hidden, 1.0):.0f} % of the outline or more may not be touched; turn the object"
+            f"the contact is concave, or several objects on the same strips: {at}, and behind such an overhang "
+            f"{share}; turn the object"
         ), pair
     return "", pair
 
@@ -271,7 +272,7 @@ def _pieces_of(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray], 
 
 
 def _pair_of(
-    run: RunFit, sensor: Sensor, pieces: RunPieces, inward: tuple[list[float], list[float]], seen: Seen
+    run: RunFit, sensor: Sensor, pieces: RunPieces, inward: tuple[list[float], list[float]]
 ) -> Pair | None:
     """Return the two objects that may be taken for one concave one, of which corners turn inwards."""
     of_l, of_u = pieces.chains
@@ -289,7 +290,7 @@ def _pair_of(
         close = {i + off for i in at for off in range(-_NEAR_CORNER, _NEAR_CORNER + 1)}
         close |= {int(strips[cut.strip]) for of, cut in pieces.cuts if of == side} | {1, len(x) - 1}
         near.append(sorted(i for i in close if 0 < i < len(x)))
-    return likeliest_pair(ends, near, right, seen)
+    return likeliest_pair(ends, near, right, pieces.seen)
 
 
 def _pair_at_the_ends(

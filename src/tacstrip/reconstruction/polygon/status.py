@@ -12,7 +12,7 @@ from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.geometry.moments import deviations, moments
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.pieces.pair import Pair
-from tacstrip.reconstruction.polygon.goodness_of_fit import IF_ONE
+from tacstrip.reconstruction.polygon.goodness_of_fit import IF_ONE, NOTED
 from tacstrip.reconstruction.polygon.outline_estimate import FittedContact
 from tacstrip.reconstruction.polygon.run import RunFit
 from tacstrip.reconstruction.posterior.assessment import (
@@ -36,8 +36,8 @@ _FAR_AREA = 3.0  # deviations between an area that was given and the one that th
 _NEVER = 2.0
 _NAMED = 5  # strips that advice names
 # Probability of two objects: where the outline is concave and overlaps them less than "ok" promises it is doubted, and
-# as any other outline that is less sure; less than the second is not told.
-_OTHER, _NOTED = 0.07, 0.05
+# as any other outline that is less sure.
+_OTHER = 0.1
 OTHERS = (
     "the best outline of few corners is off by {:.2g} % of Vref, and others explain the readings too: {}, or give the "
     "noise"
@@ -118,7 +118,7 @@ def two_objects(pair: Pair, right: bool, confidence: float) -> tuple[str, str]:
     )
     if confidence < ENOUGH or (pair.probability >= _OTHER and not right and not pair.one_convex):
         return told, ""
-    if pair.probability < _NOTED:
+    if pair.probability < NOTED:
         return "", ""
     return "", told + ("; the outline holds either way" if right else "")
 
