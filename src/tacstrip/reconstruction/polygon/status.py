@@ -37,7 +37,7 @@ _NEVER = 2.0
 _NAMED = 5  # strips that advice names
 # Probability of two objects: where the outline is concave and overlaps them less than "ok" promises it is doubted, and
 # as any other outline that is less sure.
-_OTHER = 0.1
+_OTHER = 0.07
 OTHERS = (
     "the best outline of few corners is off by {:.2g} % of Vref, and others explain the readings too: {}, or give the "
     "noise"
