@@ -97,7 +97,9 @@ def other_units(tmp_path_factory: pytest.TempPathFactory) -> Path:
     make_inputs(folder)
     small = SHAPE.vertices / 10.0
     (folder / "cm.wkt").write_text(ts.Contact.polygon(small).shapes[0].wkt + "\n")
-    (folder / "m.csv").write_text("x_mm,y_mm,z_mm,dx,dy,dz,depth_mm\n.008,0,.008,-1,0,-1,1\n.008,.001,.008,-1,0,-1,1\n")
+    (folder / "m.csv").write_text(
+        "x_mm,y_mm,z_mm,dx,dy,dz,depth_mm\n.008,0,.008,-1,0,-1,1\n.008,.001,.008,-1,0,-1,1\n"
+    )
     replace(SENSOR, pitch_mm=0.5, length_mm=10.0).save(folder / "cm.toml")
     for name, text in (("designs.toml", "[20.0, 30.0]"), ("study.toml", "[20.0, 30.0]")):
         told = (folder / name).read_text().replace("s.toml", "cm.toml").replace(text, "[2.0, 3.0]")
