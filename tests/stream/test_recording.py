@@ -305,11 +305,16 @@ def test_a_failed_write_leaves_a_whole_file(
 
     monkeypatch.setattr(mcapfile, "FileIO", Disk)
     recorder = Recorder(tmp_path / "a.mcap", spec, ("kh", "kl"), ORIGIN)
-    with pytest.raises(OSError, match="No space left") as caught:
+
+    def fill() -> None:
+        nonlocal room
         record(raws, recorder)
         recorder.flush()
         room = (tmp_path / "a.mcap").stat().st_size
         recorder.close()
+
+    with pytest.raises(OSError, match="No space left") as caught:
+        fill()
     assert caught.value.filename == str(tmp_path / "a.mcap")
     recorder.close()
     monkeypatch.undo()

@@ -10,8 +10,8 @@ from typing import NamedTuple
 MAX_AHEAD, MAX_BEHIND = 2**16, 2**10
 # Scans after a gap wait for those missing, until so many have come or so much of the device's time has passed.
 MAX_HELD, MAX_HELD_US = 16, 100_000
-# Scans in a row that come again before all that comes is taken for a run of its own: from number 0 on, as after a reset,
-# and from another, as where a block of them is sent once more.
+# Scans in a row that come again, after which they are taken for a run of their own: from number 0 on, as after a reset,
+# and from another number, as where a block of them is sent once more.
 MAX_AGAIN, MAX_BLOCK = 8, 64
 # A scan is of the same run if its time follows that of the one before so closely, or precedes a later one's.
 _FOLLOWS_US = 2_000_000
