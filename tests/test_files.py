@@ -224,6 +224,9 @@ def test_what_has_no_end_is_not_read(tmp_path: Path) -> None:
             ts.Recording(file)
         with pytest.raises(ts.RecordingError, match=r"mcap: is a (pipe|device), not a file"):
             recover(file, tmp_path / "out.mcap")
+    for file in _endless(tmp_path, ".stl"):
+        with pytest.raises(ts.ContactError, match=r"stl: is a (pipe|device), not a file"):
+            ts.Solid.from_mesh(file)
     assert why_unreadable(tmp_path) == why_unreadable(tmp_path / "none") == ""
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from concurrent.futures import BrokenExecutor, CancelledError
@@ -117,6 +119,23 @@ def test_an_end_asked_for_while_a_process_is_forked_is_not_lost(number: signal.S
         AT_FORK.append(number)
         pool.submit(os.getpid)
         assert stop()
+
+
+def test_a_terminal_closed_on_all_processes_says_nothing_of_them() -> None:
+    program = (
+        "import time\nfrom tacstrip.interrupt import all_as_ctrl_c, worker_processes\n"
+        "try:\n with all_as_ctrl_c(), worker_processes(1, start_method='spawn') as pool:\n"
+        f"  pool.submit(int).result()\n  print('on', flush=True)\n  time.sleep({HOUR_S})\n"
+        "except KeyboardInterrupt:\n print('ended')\n"
+    )
+    pipe = subprocess.PIPE
+    command = [sys.executable, "-c", program]
+    with subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, start_new_session=True) as began:
+        assert began.stdout is not None
+        assert began.stdout.readline() == "on\n"
+        os.killpg(began.pid, signal.SIGHUP)
+        assert began.communicate() == ("ended\n", "")
+    assert began.returncode == 0
 
 
 @pytest.mark.parametrize("number", SIGNALS)

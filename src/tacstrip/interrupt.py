@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from contextlib import AbstractContextManager, contextmanager, suppress
-from multiprocessing import active_children, get_context
+from multiprocessing import active_children, get_context, resource_tracker
 from types import FrameType
 from typing import ParamSpec, TypeVar
 
@@ -112,9 +112,22 @@ def worker_pool(
 ) -> ProcessPoolExecutor:
     """Return processes that leave it to the first one what ends work; use it within `children_end`."""
     context = get_context(start_method)
+    if context.get_start_method() != "fork":
+        _begin_tracker()
     # A fork server's processes are its children, not this one's.
     parent = None if context.get_start_method() == "forkserver" else os.getpid()
     return _Pool(count, context, _begin, (nice, parent))
+
+
+def _begin_tracker() -> None:
+    """Begin the process that tracks what processes share, deaf to a closed terminal: without it their end is loud."""
+    if not hasattr(signal, "pthread_sigmask"):
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})  # which its program inherits
+    try:
+        resource_tracker.ensure_running()
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 class _Pool(ProcessPoolExecutor):

@@ -97,6 +97,8 @@ def test_recover_a_cut_file(run: Run) -> None:
     assert "`tacstrip recover`" in error
     with patch("tacstrip.cli.track.track", lambda *_: []):
         assert "cut.mcap was cut" in run("track", "cut.mcap")[2]
+    assert "cut.mcap was cut" in run("live", "cut.mcap", "--no-view", "--speed", "1000")[2]
+    assert "cut.mcap: the recording is cut" in run("noise", "cut.mcap")[2]
     out = _good(run("recover", "cut.mcap"))
     assert "cut-recovered.mcap: " in out
     count = len(list(ts.Recording("cut-recovered.mcap")))

@@ -67,6 +67,19 @@ def test_strays_and_hum_are_counted_and_do_not_pass_for_noise() -> None:
     assert found.white == pytest.approx(0.003, rel=0.1)
 
 
+@pytest.mark.parametrize("scan", [0, 1, -2, -1])
+def test_a_stray_in_the_first_or_last_scans_is_no_noise(scan: int) -> None:
+    """As where the converter's first reading is of another line."""
+    random = np.random.default_rng(928)
+    log = Log.of_scans(SENSOR, Rubber(white=0.002).scans(random, SENSOR, CONTACT, 240, 0.25))
+    raw = {name: values.copy() for name, values in log.raw.items()}
+    raw["kh"][scan, 8] = 1.0
+    found = learn_noise(replace(log, raw=raw)).noise
+    assert found.white == pytest.approx(0.002, rel=0.05)
+    assert sum(sigma**2 for sigma, _ in found.processes) < 0.3 * 0.002**2
+    assert found.strays == pytest.approx(1.0 / np.isfinite(raw["kh"]).sum() / 2.0, rel=0.05)
+
+
 @many_fits
 def test_soft_edges_are_told_by_the_strips() -> None:
     found = [learned(Rubber(white=0.002, edge_mm=0.5), seed, period_s=1.0).noise for seed in range(5)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -11,9 +12,10 @@ import pytest
 from click.testing import CliRunner
 
 import tacstrip as ts
-from studies.mutations import NO_NUMBERS, SENSOR, make_inputs
+from studies.mutations import NO_NUMBERS, SENSOR, SHAPE, make_inputs
 from tacstrip.cli import VERBS, cli
 from tacstrip.cli.options import NUMBER, WHOLE, WholeRange
+from tacstrip.stream.bridges.tuio import Tuio
 
 READ = [
     "reconstruct s.toml r.csv --method profile",
@@ -30,6 +32,24 @@ READ = [
     "doctor r.mcap",
     "noise r.mcap",
 ]
+# Readings of nothing tell no exchange, and `import` asks about one.
+ALSO_IN_ORDER = [
+    "calibrate s.toml --touch r.csv -o out.toml --overwrite",
+    "calibrate unit.toml r.csv --rezero -o out.toml --overwrite",
+    "import r.csv s.toml -o out.csv --force",
+]
+# Lengths in centimetres or metres, wherever they enter.
+OTHER_UNITS = {
+    "simulate s.toml cm.wkt -o out.csv --force": "is it in centimetres?",
+    "record s.toml cm.wkt -o out.mcap --force --seconds 0.05": "is it in centimetres?",
+    "spice s.toml cm.wkt -o out.cir": "is it in centimetres?",
+    "limits s.toml cm.wkt --grid 2": "is it in centimetres?",
+    "reconstruct s.toml r.csv --method profile --truth cm.wkt": "is it in centimetres?",
+    "press skin.toml sphere:4 --path m.csv -o out.csv --overwrite": "is that in metres?",
+    "press skin.toml sphere:4 --pose 0.008 0 0.008 -1 0 -1 --depth 1 -o out.csv --overwrite": "is that in metres?",
+    "sweep cm_designs.toml --out out.d --plan": "mm, not cm?",
+    "generate cm_study.toml --out out.d2 --workers 1": "mm, not cm?",
+}
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +73,8 @@ def files(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     ("files", "words"),
     [
         *((what, words) for what in ("well", "exchanged") for words in READ),
-        *(("backwards", words) for words in READ if "r.csv" in words),  # recordings have no order of lines
+        # Recordings have no order of lines.
+        *(("backwards", words) for words in (*READ, *ALSO_IN_ORDER) if "r.csv" in words),
     ],
     indirect=["files"],
 )
@@ -68,6 +89,31 @@ def test_every_verb_that_takes_readings_tells(
     assert ("count the strips down, from 7 to 0" in said) == (what == "backwards"), said
     if what == "well":
         assert "Warning" not in said
+
+
+@pytest.fixture(scope="module")
+def other_units(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("units")
+    make_inputs(folder)
+    small = SHAPE.vertices / 10.0
+    (folder / "cm.wkt").write_text(ts.Contact.polygon(small).shapes[0].wkt + "\n")
+    (folder / "m.csv").write_text(
+        "x_mm,y_mm,z_mm,dx,dy,dz,depth_mm\n.008,0,.008,-1,0,-1,1\n.008,.001,.008,-1,0,-1,1\n"
+    )
+    replace(SENSOR, pitch_mm=0.5, length_mm=10.0).save(folder / "cm.toml")
+    for name, text in (("designs.toml", "[20.0, 30.0]"), ("study.toml", "[20.0, 30.0]")):
+        told = (folder / name).read_text().replace("s.toml", "cm.toml").replace(text, "[2.0, 3.0]")
+        (folder / f"cm_{name}").write_text(told)
+    return folder
+
+
+@pytest.mark.parametrize("words", OTHER_UNITS)
+def test_lengths_in_other_units_are_asked_about(
+    other_units: Path, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(other_units)
+    done = CliRunner().invoke(cli, words.split())
+    assert OTHER_UNITS[words] in done.output, (done.output, done.exception)
 
 
 @pytest.mark.parametrize("files", ["backwards"], indirect=True)
@@ -92,3 +138,8 @@ def test_an_option_that_is_no_number_is_named(text: str) -> None:
     done = CliRunner().invoke(cli, ["init", "-", "--pitch", text])
     assert done.exit_code == 2
     assert "--pitch" in done.output
+
+
+def test_a_port_in_other_digits_is_no_target() -> None:
+    with pytest.raises(ts.TacstripError, match="must be HOST:PORT"):
+        Tuio("127.0.0.1:33\N{ARABIC-INDIC DIGIT THREE}3")

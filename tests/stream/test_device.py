@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import random
 import time
 from collections.abc import Iterator
@@ -267,6 +268,17 @@ def test_a_device_behind_a_serial_port(served: LinkedPty, tmp_path: Path) -> Non
     assert [text.partition(" (")[0] for text in said] == ["the device is gone", "the device is back"]
     assert source.counts.corrupt == 0
     source.close()
+
+
+def test_a_port_that_is_gone_says_so_and_not_that_it_cannot_be_configured() -> None:
+    end, line = pytest.importorskip("pty").openpty()
+    port = SerialPort(os.ttyname(line))
+    os.close(line)
+    assert port.read(0.0) == b""
+    os.close(end)
+    with pytest.raises(OSError, match="disconnected"):
+        port.read(0.0)
+    port.close()
 
 
 def test_where_a_contact_cannot_be_nothing_is_touched() -> None:

@@ -288,23 +288,33 @@ def test_a_power_cut_loses_a_second_of_a_durable_recording(
     assert not synced
 
 
-def test_a_failed_write_leaves_a_whole_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("room", [9_000, 0])  # 0: none but for the index
+def test_a_failed_write_leaves_a_whole_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, room: int
+) -> None:
     spec = sensor()
     raws = list(source(spec, 200, 1000.0))
-    room = 9_000
 
     class Disk(io.FileIO):
         """A disk with room for so much."""
 
         def write(self, data: Any) -> int | None:  # type: ignore[override]
-            if (free := room - self.tell()) <= 0:
+            if (free := (room or 10**9) - self.tell()) <= 0:
                 raise OSError(errno.ENOSPC, "No space left on device")
             return super().write(data[:free])
 
     monkeypatch.setattr(mcapfile, "FileIO", Disk)
     recorder = Recorder(tmp_path / "a.mcap", spec, ("kh", "kl"), ORIGIN)
-    with pytest.raises(OSError, match="No space left") as caught:
+
+    def fill() -> None:
+        nonlocal room
         record(raws, recorder)
+        recorder.flush()
+        room = (tmp_path / "a.mcap").stat().st_size
+        recorder.close()
+
+    with pytest.raises(OSError, match="No space left") as caught:
+        fill()
     assert caught.value.filename == str(tmp_path / "a.mcap")
     recorder.close()
     monkeypatch.undo()

@@ -56,6 +56,12 @@ def again(device: Rogue, i: int, data: bytes) -> list[bytes]:
     return [data, device.keep[-2] if len(device.keep) > 1 else b""]
 
 
+def block(device: Rogue, i: int, data: bytes) -> list[bytes]:
+    """The scan, and now and then twenty old ones after it."""
+    device.keep.append(data)
+    return [data, *device.keep[-30:-10]] if i % 40 == 35 else [data]
+
+
 def late(by: int) -> Trouble:
     """Every tenth scan comes after the next `by`."""
 
@@ -82,6 +88,7 @@ CLEAN: dict[str, tuple[Trouble, str]] = {  # nothing is lost; what is told
     "twice": (every(7, lambda d, i, data: [data, data]), r"\d+ scan\(s\) came again and are taken once"),
     "four times": (every(50, lambda d, i, data: [data] * 4), r"\d+ scan\(s\) came again"),
     "old ones again": (every(9, again), "came again"),
+    "a block again": (block, "came again"),
     "late by 1": (late(1), r"scan\(s\) came after later ones"),
     "late by 4": (late(4), r"scan\(s\) came after later ones"),
     "garbage": (every(5, lambda d, i, data: [d.random.bytes(40), data]), "broken frame"),

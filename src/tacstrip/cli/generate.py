@@ -14,6 +14,7 @@ from tacstrip.cli import options, warn
 from tacstrip.cli.progress import progress_bar
 from tacstrip.dataset.batches import simulate_many
 from tacstrip.dataset.generation import DataSet, generate, parts_there, resolved
+from tacstrip.io.input_checks import unlikely_lengths
 
 # Scans that are looked at first, from one on ever more, in so long at most.
 _SOME, _MORE, _LOOK_S = 500, 5, 2.0
@@ -32,6 +33,7 @@ def command(study: Path, out: Path, workers: int | None) -> None:
     Example: tacstrip generate study.toml --out data
     """
     data = DataSet.load(study)
+    warn(unlikely_lengths(data.sensor), file=study)
     _look(data)
     with progress_bar() as bar:
         task = bar.add_task("scans", total=data.shapes.n)

@@ -15,6 +15,7 @@ from typing import Any
 import click
 
 from tacstrip.cli import check_method, load_layers, new_file, note, options, warn_of_input
+from tacstrip.cli.replay import warn_of_cut
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError, PortError
 from tacstrip.files import write_text
@@ -223,6 +224,8 @@ def _stream(
                     service.alive(_status(live), live.stuck_s)
             finally:
                 service.stopping()  # before the disk is waited for
+    if running():  # it was read to its end
+        warn_of_cut(source)
     for one in sorted(live.known.values(), key=lambda one: one.id):
         note(_line(one))
     # The reader of the lines may close them at any time.

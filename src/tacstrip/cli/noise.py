@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from tacstrip.cli import load_log, options, protect, warn_of_log
+from tacstrip.cli import load_log, options, protect, warn, warn_of_log
 from tacstrip.diagnose.learned_noise import LearnedNoise, learn_noise
 from tacstrip.errors import OptionError, ReadingError
 from tacstrip.files import write_text
@@ -49,6 +49,7 @@ def command(
     protect(plot, recording, sensor, output, write)
     spec = sensor or (None if write is None else str(write))
     log = load_log(recording, spec, f"tacstrip noise {recording} sensor.toml")
+    warn(log.missing, file=recording)
     warn_of_log(recording, log)
     if not log.sensor.kind.closed_form:
         raise OptionError(

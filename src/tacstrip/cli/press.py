@@ -17,6 +17,7 @@ from tacstrip.contact.press.patch import Patch, patch_at, press
 from tacstrip.contact.press.solid import Solid
 from tacstrip.errors import OptionError, TacstripError, number
 from tacstrip.files import write_text
+from tacstrip.io.input_checks import unlikely_places
 from tacstrip.io.poses import read_poses
 from tacstrip.io.readings import write_readings
 from tacstrip.sensor.spec import Sensor
@@ -89,6 +90,7 @@ def command(
     else:
         assert pose is not None
         placed = thing.at(pose[:3], pose[3:], math.radians(turn))
+        warn(unlikely_places(np.array([pose[:3]]), spec))
         times, found = [0.0], [press(spec, placed, depth_mm=depth, force_n=force)]
     process = NoiseProcess(noise, spec, seed)
     scans = [simulate(spec, p, process=process, time_s=t) for t, p in zip(times, found, strict=True)]
@@ -119,7 +121,9 @@ def _along(
 ) -> tuple[list[float], list[Patch]]:
     """Return times [s] and patches of a path of poses; errors name the file and its line."""
     times, found = [], []
-    for i, one in enumerate(read_poses(path, solid)):
+    poses = read_poses(path, solid)
+    warn(unlikely_places(np.array([one.solid.position_mm for one in poses]), sensor), file=path)
+    for i, one in enumerate(poses):
         own = one.depth_mm, one.force_n
         if own != (None, None) and (depth, force) != (None, None):
             raise OptionError(f"{path} says how far or how hard to press: leave --depth and --force out")

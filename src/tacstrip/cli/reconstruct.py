@@ -19,7 +19,7 @@ from tacstrip.contact.noise import Noise
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import OptionError, ReadingError, number, one_of
 from tacstrip.io.geojson import feature_collection, read_contact, write_geojson
-from tacstrip.io.input_checks import half_read, implausible, misread, one_reading
+from tacstrip.io.input_checks import half_read, implausible, misread, one_reading, unlikely_contact
 from tacstrip.io.readings import read_readings
 from tacstrip.io.table import nearest_mismatch, object_records, write_table
 from tacstrip.reconstruction.implausible import doubt_scale
@@ -145,6 +145,8 @@ def command(
         raise OptionError(
             f"--truth {truth}: holds no polygon to compare with; a line or a point has no outline"
         )
+    if contact is not None:
+        warn(unlikely_contact(contact, unit), file=truth)
     source = "" if chosen in _NOISELESS else options.noise_source(known, unit)
     around_mm = unit.width_mm if unit.closed else None
     _report(results, contact, around_mm, source)

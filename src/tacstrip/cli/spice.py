@@ -54,5 +54,4 @@ def command(
     title = f"{spec.construction}, {spec.strips} strips, {contact.name}, written by tacstrip"
     write_text(output, deck(title, named, spec.vref_volt))
     click.echo(f"{output}: {len(named)} touched strip(s). Run it with: ngspice -b {output}")
-    if not named:
-        warn("no strip is touched: there is nothing to print", unlikely_contact(shape, spec))
+    warn("" if named else "no strip is touched: there is nothing to print", unlikely_contact(shape, spec))

@@ -6,11 +6,12 @@ from pathlib import Path
 
 import click
 
-from tacstrip.cli import note, options
+from tacstrip.cli import note, options, warn
 from tacstrip.cli.progress import progress_bar
 from tacstrip.dataset.measures import PROBLEM
 from tacstrip.dataset.sweep import Sweep, batches_there, collect, error_column, pareto, sweep
 from tacstrip.errors import OptionError
+from tacstrip.io.input_checks import unlikely_lengths
 
 
 def _shard(_: click.Context, __: click.Parameter, value: str | None) -> tuple[int, int]:
@@ -47,6 +48,7 @@ def command(
     Example: tacstrip sweep study.toml --out designs --shard 3/16
     """
     asked = Sweep.load(study)
+    warn(unlikely_lengths(asked.base.sensor), file=study)
     if plan:
         there = batches_there(out)
         names = [batch.name for batch in asked.batches(shard)]

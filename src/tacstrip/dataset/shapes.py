@@ -160,7 +160,8 @@ class Shapes:
             several = f" for {lanes} objects side by side, {gap:.6g} mm apart," if lanes > 1 else ""
             raise ContactError(
                 f"size_mm up to {size[1]:.6g}: the sensor ({sensor.width_mm:.6g} mm across, {sensor.length_mm:.6g} mm "
-                f"along){several} has room for {max(room, 0.0):.6g}; give smaller objects, or fewer"
+                f"along){several} has room for {max(room, 0.0):.6g}; give smaller objects, or fewer; all "
+                "lengths are millimetres"
             )
         places = []
         for name, extent in (("x_mm", sensor.width_mm), ("y_mm", sensor.length_mm)):

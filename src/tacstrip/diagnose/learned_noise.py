@@ -287,10 +287,13 @@ def _series(log: Log) -> tuple[float, tuple[str, ...], FloatArray, bool]:
 
 def _take_strays(values: FloatArray) -> tuple[float, float]:
     """Take strays out of readings (scans, channels); return their share and their standard deviation."""
-    around = np.stack([np.roll(values, by, axis=0) for by in (-2, -1, 1, 2)])
+    each = np.arange(len(values))[:, None]
+    five = np.clip(each - 2, 0, len(values) - 5) + np.arange(
+        5
+    )  # the first and last scans have theirs on one side
+    around = values[five[five != each].reshape(-1, 4)]  # (scans, 4, channels)
     with np.errstate(invalid="ignore"):
-        off = values - np.median(np.nan_to_num(around), axis=0)
-    off[:2] = off[-2:] = 0.0
+        off = values - np.median(np.nan_to_num(around), axis=1)
     stray = np.abs(off) > np.maximum(_STRAY * robust_sigma(off, 0), _LEAST_STRAY)
     count = int(stray.sum())
     size = float(np.sqrt(np.mean(off[stray] ** 2))) if count else 0.0

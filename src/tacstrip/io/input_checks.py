@@ -85,6 +85,18 @@ def unlikely_contact(contact: Contact, sensor: Sensor) -> str:
     )
 
 
+def unlikely_places(places_mm: FloatArray, sensor: Sensor) -> str:
+    """Return a warning where the places (n, 3) from which something is pressed seem to be in metres or centimetres."""
+    reach, shorter = float(np.abs(places_mm).max()), min(sensor.width_mm, sensor.length_mm)
+    if not 0.0 < reach < (_CORNER if len(places_mm) > 1 else _SMALL) * shorter:
+        return ""
+    unit = "metres" if reach < _SMALL * shorter else "centimetres"
+    return (
+        f"the object is pressed within {reach:.3g} mm of x = y = z = 0, on a skin of {sensor.width_mm:.6g} x "
+        f"{sensor.length_mm:.6g} mm: is that in {unit}? Positions are millimetres"
+    )
+
+
 def over_vref(path: str | Path, sensor: Sensor, largest: float) -> str:
     """Return a warning where a file's volts seem to be over Vref; `largest` is its largest reading over Vref."""
     if sensor.vref_volt <= _VREF_VOLT or not 0.0 < largest * sensor.vref_volt <= 1.0:
@@ -185,8 +197,12 @@ def backwards(path: str | Path, sensor: Sensor) -> str:
 
     if not read_csv(path, "readings", falls):
         return ""
-    last = sensor.strip_base + sensor.strips - 1
+    return f"{path}: {counted_down(sensor.strip_base, sensor.strip_base + sensor.strips - 1)}"
+
+
+def counted_down(first: int, last: int) -> str:
+    """Say what lines that count strips down, from the last to the first, are taken for."""
     return (
-        f"{path}: its lines count the strips down, from {last} to {sensor.strip_base}; each is taken by its "
-        f"number, and strip {sensor.strip_base} lies at x = 0. If it does not, number the strips the other way round"
+        f"its lines count the strips down, from {last} to {first}; each is taken by its number, and strip {first} lies "
+        "at x = 0. If it does not, number the strips the other way round"
     )

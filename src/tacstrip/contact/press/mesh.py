@@ -17,6 +17,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.errors import ContactError, OptionError, one_of
+from tacstrip.files import why_unreadable
 
 _UNITS_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
 _SMALLEST_MM, _LARGEST_MM = 0.5, 5e3  # of an object: beyond, the unit is another
@@ -53,6 +54,8 @@ class Mesh:
             raise ContactError('meshes need trimesh: pip install "tacstrip[press]"') from None
         name = str(path) if isinstance(path, str | Path) else "the mesh"
         if isinstance(path, str | Path):
+            if why := why_unreadable(path):
+                raise ContactError(f"{path}: {why}")
             if not Path(path).is_file():
                 raise ContactError(f"{path}: no such file; give a mesh (.stl, .obj, .ply)")
             logging.getLogger("trimesh").addHandler(_NOWHERE)

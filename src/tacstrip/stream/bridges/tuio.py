@@ -65,7 +65,7 @@ class Tuio:
 
     def __init__(self, target: str) -> None:
         host, _, port = target.rpartition(":")
-        if not (host and port.isdecimal() and 0 < int(port) < 65536):
+        if not (host and port.isascii() and port.isdecimal() and 0 < int(port) < 65536):
             raise OptionError(f"--osc {target}: must be HOST:PORT, such as 127.0.0.1:3333")
         try:
             found = socket.getaddrinfo(host, int(port), type=socket.SOCK_DGRAM)[0]

@@ -124,9 +124,10 @@ class McapFile:
         if not self.closed:
             with self.guard():
                 self.writer.finish()  # type: ignore[no-untyped-call]
-                self._end = b""  # the index is one
-                self._save()
-                self._raw.truncate(self.size_bytes)
+                self._write(bytes(self._buffer))  # the index is an end
+                self._raw.truncate(self.size_bytes + len(self._buffer))
+                self.size_bytes += len(self._buffer)
+                self._buffer.clear()
                 self._sync()
                 self._raw.close()
 

@@ -10,7 +10,9 @@ from typing import NamedTuple
 MAX_AHEAD, MAX_BEHIND = 2**16, 2**10
 # Scans after a gap wait for those missing, until so many have come or so much of the device's time has passed.
 MAX_HELD, MAX_HELD_US = 16, 100_000
-MAX_REPEATED = 8  # scans in a row that come again
+# Scans in a row that come again, after which they are taken for a run of their own: from number 0 on, as after a reset,
+# and from another number, as where a block of them is sent once more.
+MAX_AGAIN, MAX_BLOCK = 8, 64
 # A scan is of the same run if its time follows that of the one before so closely, or precedes a later one's.
 _FOLLOWS_US = 2_000_000
 _STEADY = 32  # scans after which a number that cannot be is a restart, and not one wrong number more
@@ -35,7 +37,7 @@ class ScanOrder:
     A scan's number tells its place and its time is the second witness. Same number and same bytes: it came twice. A
     number that was missing: it is late, and is waited for. Any other number that is not due: the device has restarted;
     where that shows again and again while the time continues, the numbers are wrong, and scans are kept as they come.
-    It has restarted, too, where nothing comes but what has come before.
+    It has restarted, too, where nothing comes but what has come before: from number 0 on, or for long.
 
     Parameters
     ----------
@@ -98,7 +100,8 @@ class ScanOrder:
             self._again = []
         self._count(duplicates=1)
         self._again.append(plain)
-        if len(again := self._again) > MAX_REPEATED:
+        again = self._again
+        if len(again) > (MAX_BLOCK if _NUMBERS.unpack_from(again[0])[0] else MAX_AGAIN):
             self._count(duplicates=-len(again))
             yield from self._restart(again[0], _NUMBERS.unpack_from(again[0])[0])
             for scan in again[1:]:
