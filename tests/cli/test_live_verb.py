@@ -172,3 +172,24 @@ def test_the_virtual_device_for_other_programs() -> None:
         run.send_signal(signal.SIGINT)
         run.communicate(timeout=HANG_S)
     assert run.returncode == 0
+
+
+def test_scans_without_shapes_are_counted_at_the_end(
+    tmp_path: Path, spec: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tacstrip.stream.live.pipeline._LATE_S", -1.0)  # every scan comes too late
+    words = [
+        "--simulate",
+        "--sensor",
+        str(spec),
+        "--no-view",
+        "--seconds",
+        "0.1",
+        "-o",
+        str(tmp_path / "a.mcap"),
+    ]
+    done = CliRunner().invoke(command, words)
+    assert done.exit_code == 0
+    scans = len(list(ts.Recording(tmp_path / "a.mcap")))
+    assert f"{scans} of {scans} scan(s) have no shapes" in done.stderr
+    assert "tacstrip replay" in done.stderr

@@ -226,6 +226,9 @@ def _stream(
                 service.stopping()  # before the disk is waited for
     if running():  # it was read to its end
         warn_of_cut(source)
+    if live.late:
+        kept = "; the recording has them, and `tacstrip replay` finds their shapes" if given["output"] else ""
+        note(f"{live.late} of {live.frames} scan(s) have no shapes, for the computer was behind{kept}")
     for one in sorted(live.known.values(), key=lambda one: one.id):
         note(_line(one))
     # The reader of the lines may close them at any time.

@@ -106,7 +106,8 @@ def over_vref(path: str | Path, sensor: Sensor, largest: float) -> str:
         return ""
     return (
         f"{path}: no reading is above 1 V, and vref_volt is {sensor.vref_volt:.6g}: are they over Vref? "
-        "The columns hold volts"
+        "The columns hold volts; readings over Vref are read with vref_volt = 1 in the spec, or by "
+        "`tacstrip import ... --answer unit=fraction`"
     )
 
 
