@@ -199,6 +199,28 @@ void tacstrip_rigid_poses(const Scans *s, const Loss *loss, const double *corner
     }
 }
 
+double tacstrip_rigid_walk(const Scans *s, const Loss *loss, double *corners, Int count, double *poses, double cost,
+                           const double *moves, const double *above, Int steps, Int descents, double *walked,
+                           double *workspace) {
+  Int size = 2 * count, scans = s->scans;
+  double *trial = workspace, *trial_poses = workspace + size;
+  CHECK(3 <= count && count <= RIGID_CORNERS);
+  for (Int step = 0; step < steps; step++) {
+    double most = cost + above[step], new_cost = 0.0;
+    for (Int i = 0; i < size; i++) trial[i] = corners[i] + moves[step * size + i];
+    for (Int i = 0; i < 3 * scans; i++) trial_poses[i] = poses[i];
+    for (Int i = 0; i < scans && new_cost < most; i++)
+      new_cost += descend_pose(s, loss, i, trial, count, trial_poses + 3 * i, descents);
+    if (new_cost < most) {
+      for (Int i = 0; i < size; i++) corners[i] = trial[i];
+      for (Int i = 0; i < 3 * scans; i++) poses[i] = trial_poses[i];
+      cost = new_cost;
+    }
+    for (Int i = 0; i < size; i++) walked[step * size + i] = corners[i];
+  }
+  return cost;
+}
+
 /* U'U of a damped block (3, 3), its diagonal by what divides. */
 typedef struct {
   double by[3], u01, u02, u12;
