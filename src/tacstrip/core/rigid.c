@@ -124,9 +124,8 @@ static void clear(double *values, Int count) {
   for (Int i = 0; i < count; i++) values[i] = 0.0;
 }
 
-/* Write the blocks of all scans, where there are any, and their costs; return the total. From `most` on it is not finished. */
-static double all_equations(const Scans *s, const Loss *loss, const double *corners, Int count, const double *poses,
-                            double most, const Normal *n, double *costs) {
+double rigid_equations(const Scans *s, const Loss *loss, const double *corners, Int count, const double *poses, double most,
+                       const Normal *n, double *costs) {
   Int size = 2 * count;
   double total = 0.0;
   CHECK(3 <= count && count <= RIGID_CORNERS && 1 <= s->signatures && s->signatures <= 2);
@@ -150,7 +149,7 @@ double tacstrip_rigid_equations(const Scans *s, const Loss *loss, const double *
                                 double *pose, double *mixed, double *shape, double *pose_slope, double *shape_slope,
                                 double *costs) {
   Normal n = {pose, mixed, shape, pose_slope, shape_slope};
-  return all_equations(s, loss, corners, count, poses, INFINITE, &n, costs);
+  return rigid_equations(s, loss, corners, count, poses, INFINITE, &n, costs);
 }
 
 /* One scan's pose by itself. */
@@ -325,7 +324,7 @@ double tacstrip_rigid_descend(const Scans *s, const Loss *loss, const CornerPrio
     n[i].shape_slope = n[i].pose_slope + 3 * scans;
   }
   int now = 0;
-  double cost = all_equations(s, loss, corners, count, poses, INFINITE, &n[0], costs);
+  double cost = rigid_equations(s, loss, corners, count, poses, INFINITE, &n[0], costs);
   cost += add_prior(prior, size, corners, &n[0]);
   for (Int step = 0; step < steps && damping < HOPELESS; step++) {
     double new_cost = INFINITE;
@@ -334,7 +333,7 @@ double tacstrip_rigid_descend(const Scans *s, const Loss *loss, const CornerPrio
       for (Int i = 0; i < size; i++) trial_corners[i] = corners[i] + by_corner[i];
       for (Int i = 0; i < 3 * scans; i++) trial_poses[i] = poses[i] + by_pose[i];
       /* without a prior no scan costs less than nothing, so that a trial is given up as soon as it is no better */
-      new_cost = all_equations(s, loss, trial_corners, count, trial_poses, prior ? INFINITE : cost,
+      new_cost = rigid_equations(s, loss, trial_corners, count, trial_poses, prior ? INFINITE : cost,
                                prior || step + 1 < steps ? o : 0, trial_costs);
       new_cost += add_prior(prior, size, trial_corners, o);
     }

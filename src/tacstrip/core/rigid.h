@@ -30,6 +30,11 @@ typedef struct {
   double *pose, *mixed, *shape, *pose_slope, *shape_slope; /* (3, 3), (3, 2 N), (2 N, 2 N), (3,), (2 N,) */
 } Normal;
 
+/* rigid.c: write the blocks of all scans, where there are any, and their costs (scans,); return the total. At `most` and above it
+   is left unfinished: no scan costs less than nothing. */
+HIDDEN double rigid_equations(const Scans *s, const Loss *loss, const double *corners, Int count, const double *poses,
+                              double most, const Normal *n, double *costs);
+
 /* rigid.c: solve the damped equations of `size` numbers of an outline with the poses eliminated (Schur's complement). Writes
    their steps and those of the poses (scans, 3); 0 where they are not positive definite. `least` is added to the diagonal,
    `pinned` holds the pose in the middle. */
