@@ -111,7 +111,9 @@ def test_a_walk_goes_where_that_of_numpy_does(
     above = -2.0 * np.log(random.random(40))
     compiled = walk(scans, corners, poses, float(costs.sum()), moves, above, 3)
     monkeypatch.setattr(rigid, "exported", lambda name: None)
-    for found, wanted in zip(compiled, walk(scans, corners, poses, float(costs.sum()), moves, above, 3), strict=True):
+    for found, wanted in zip(
+        compiled, walk(scans, corners, poses, float(costs.sum()), moves, above, 3), strict=True
+    ):
         np.testing.assert_allclose(found, wanted, atol=1e-6 * np.abs(wanted).max())
     walked, last, cost = compiled
     taken = (np.diff(walked, axis=0) != 0.0).any(axis=(1, 2))

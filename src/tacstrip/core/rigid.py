@@ -241,7 +241,11 @@ def walk(
     if core is None or len(corners) > RIGID_CORNERS:
         return _plain_walk(scans, corners, poses, cost, moves, above, steps)
     corners, poses, walked = np.array(corners), np.array(poses), np.empty(moves.shape)
-    moves, above, workspace = np.ascontiguousarray(moves), np.ascontiguousarray(above), np.empty(corners.size + poses.size)
+    moves, above, workspace = (
+        np.ascontiguousarray(moves),
+        np.ascontiguousarray(above),
+        np.empty(corners.size + poses.size),
+    )
     given = (at(corners), len(corners), at(poses), cost, at(moves), at(above), len(moves), steps)
     cost = core(scans.compiled, how, *given, at(walked), at(workspace))
     return walked, poses, cost
