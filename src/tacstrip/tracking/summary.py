@@ -74,8 +74,8 @@ _TIP = (
     "strips by more than half a pitch"
 )
 _NOTCH = (
-    "how deep a notch is, the scans do not tell: its corner may lie {far:.2g} mm further along an edge; turn the object "
-    "further"
+    "how deep a notch is, the scans do not tell: its corner may lie {far:.2g} mm further along an edge; turn the "
+    "object further"
 )
 _HARDLY_MOVED = (
     "its corners stay over the same strips in all {n} scans, which so tell little more of the shape than one: turn the "
