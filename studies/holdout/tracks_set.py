@@ -86,6 +86,7 @@ ROWS = {
         noises=("uniform", "normal", "alike", "gain", "offset", "soft", "told 1.15", "told 1.5", "told 2", "unknown"),
     ),
     "creeps": Row(body="creeps"),
+    "blunt": Row(shapes=("random",)),
 }  # fmt: skip
 
 

@@ -40,6 +40,7 @@ OWN = {
     "TACSTRIP_VERSION",  # tests/core/test_library.py
     "polygon_fit.c FIRM",  # where NumPy decomposes instead
     "outlines.c FLAT",  # np.linalg.pinv's own
+    "rigid.h AT_A_TIME",
     "rigid.h LARGE",
 }
 # Without a NumPy version: test_posterior.py holds one to importance sampling, test_hull.py the other to simulate.

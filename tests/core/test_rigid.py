@@ -18,6 +18,7 @@ from tacstrip.core.rigid import (
     loss,
     plain_equations,
     reduced,
+    walk,
 )
 from tacstrip.tracking.rigid.covariance import rigid_motions
 from tacstrip.tracking.rigid.smooth_path import Path, circle, fit_corners, fit_path, spline_basis
@@ -96,6 +97,31 @@ def test_what_is_known_beside_stands_for_the_scans_that_told_it(monkeypatch: pyt
     np.testing.assert_allclose(found[0], corners, atol=2e-3)
     alone, _, _ = descend(new, start, poses[12:], loss(scans))
     assert distance(alone, corners) > 0.02
+
+
+@pytest.mark.parametrize(("construction", "lam"), SCENES)
+def test_a_walk_goes_where_that_of_numpy_does(
+    construction: str, lam: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Some trials are taken and some not, and poses and cost are those of the last outline taken."""
+    scans, corners, poses = rigid_scene(construction, lam)
+    corners, poses, costs = descend(scans, corners, poses, loss(scans))
+    random = np.random.default_rng(1)
+    moves = random.normal(0.0, 0.03, (40, *corners.shape))
+    above = -2.0 * np.log(random.random(40))
+
+    def walk_of() -> tuple[np.ndarray, np.ndarray, float]:
+        return walk(scans, corners, poses, float(costs.sum()), moves, above, 3)
+
+    walked, last, cost = walk_of()
+    monkeypatch.setattr(rigid, "exported", lambda name: None)
+    wanted = walk_of()
+    np.testing.assert_allclose(walked, wanted[0], atol=1e-6)
+    np.testing.assert_allclose(last, wanted[1], atol=1e-6)
+    assert cost == pytest.approx(wanted[2])
+    taken = (np.diff(walked, axis=0) != 0.0).any(axis=(1, 2))
+    assert 3 < taken.sum() < 36
+    assert plain_equations(scans, walked[-1], last, loss(scans)).costs.sum() == pytest.approx(cost)
 
 
 def test_a_descent_finds_the_outline(in_numpy: None) -> None:

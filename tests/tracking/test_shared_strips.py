@@ -149,16 +149,17 @@ def test_where_nothing_comes_or_goes_no_end_is_searched(monkeypatch: pytest.Monk
     smooth = 0.3 + 0.2 * np.linspace(0.0, 1.0, 18)[:, None, None] ** 2 + np.zeros((18, 2, 10))
     smooth[:, :, 8:] = np.nan
     smooth[:10, :, 7] = np.nan  # one strip more is touched than before
-    jumps, spreads = smooth.copy(), smooth.copy()
+    jumps, spreads, opens = smooth.copy(), smooth.copy(), smooth.copy()
     jumps[9:, 1, 3] += 0.1
     spreads[9:, :, :] = 0.4
+    opens[10, :, 7] = 0.1  # by an edge nearly along it, that is over it in the next scan
 
     def searched(k: FloatArray, *, both: bool = False) -> list[tuple[int, int]]:
         asked.clear()
         lone_ends.lone_ends(RigidScans(ten_strips(), ("kh", "kl"), k, 0.003), "uniform", both=both)
         return asked.copy()
 
-    assert searched(smooth) == []
+    assert searched(smooth) == searched(opens) == []
     # all scans before and after it show one object, or there are none such
     assert searched(jumps) == [(9, 1), (9, 1), (9, 2), (9, 2)]
     assert searched(spreads)[:2] == [(6, 1), (9, 1)]  # up to the jump where the shortest stretch fails

@@ -26,7 +26,7 @@ from tacstrip.geometry.pose import placed
 from tacstrip.plot.tracks import track_figure
 from tacstrip.tracking.episodes import episodes, spanned
 from tacstrip.tracking.geojson import track_collection
-from tacstrip.tracking.rigid.corners import Fit, fitted, not_sure, recounted, unstuck
+from tacstrip.tracking.rigid.corners import Fit, fitted, not_sure, posed, recounted, unstuck
 from tacstrip.tracking.rigid.covariance import (
     covariances,
     following,
@@ -41,6 +41,7 @@ from tacstrip.tracking.rigid.offsets import Offsets, channel_offsets, not_ruled_
 from tacstrip.tracking.rigid.rivals import (
     about_other_rests,
     beside_rivals,
+    notch_gain,
     poses_beside_rivals,
     unread_tip_mm,
 )
@@ -346,6 +347,19 @@ def test_a_tip_that_no_strip_reads_is_measured() -> None:
     fit = Fit(shape, poses, np.zeros(3))
     assert unread_tip_mm(every.of([0]), fit.of(np.array([0]))) == pytest.approx(5.0)
     assert unread_tip_mm(every, fit) == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_notch_behind_an_overhang_is_as_deep_as_it_likes(turned: bool) -> None:
+    """Its corner moves on along an edge at no cost, as long as no scan turns its opening to one end of the strips."""
+    corners = np.array([(-20.0, -20.0), (20.0, -20.0), (20.0, 20.0), (-20.0, 20.0), (0.0, 4.0), (-20.0, 0.0)])
+    poses = sliding(12, turn=1.5 if turned else 0.0) - (0.0, 0.0, 0.3)
+    blank = RigidScans(ten_strips(), ("kh", "kl"), np.zeros((12, 2, 10)), 0.003)
+    there = linearised(blank, corners, poses)
+    touched = (blank.x_mm > there.x.min(axis=1)[:, None]) & (blank.x_mm < there.x.max(axis=1)[:, None])
+    scans = replace(blank, k=np.where(touched[:, None], there.model, np.nan))
+    fit = posed(scans, Fit(corners, poses, np.zeros(12)))
+    assert (notch_gain(scans, fit, 3.0) > 9.0) == turned
 
 
 @pytest.mark.parametrize(

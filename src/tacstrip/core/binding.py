@@ -212,6 +212,10 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "scatter": (None, (*[_POINTER] * 4, _INT, _INT, _POINTER, _INT, _INT, *[_POINTER] * 4)),
     "rigid_equations": (_DOUBLE, (_SCANS, _LOSS, _POINTER, _INT, *[_POINTER] * 7)),
     "rigid_poses": (None, (_SCANS, _LOSS, _POINTER, _INT, _POINTER, _INT, _INT, _POINTER)),
+    "rigid_walk": (
+        _DOUBLE,
+        (_SCANS, _LOSS, _POINTER, _INT, _POINTER, _DOUBLE, *[_POINTER] * 2, _INT, _INT, *[_POINTER] * 2),
+    ),
     "rigid_descend": (
         _DOUBLE,
         (_SCANS, _LOSS, _PRIOR, _POINTER, _INT, _POINTER, _INT, _DOUBLE, _POINTER, _POINTER),
@@ -265,6 +269,7 @@ _LONG = frozenset(
         "outlines",
         "scatter",
         "rigid_poses",
+        "rigid_walk",
         "rigid_descend",
         "rigid_path",
         "hull_poses",

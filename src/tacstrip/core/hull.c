@@ -121,7 +121,7 @@ static double scan_equations(const Scans *s, const Loss *loss, const double *kno
     if (!touched && !(known[scan * s->strips + i] > 0.0)) continue;
     for (Int j = 0; j < there; j++) {
       Lying *a = &lying[j];
-      cross(&p[j], o->counts[who[j]], x, &a->low, &a->high);
+      cross(&p[j], o->counts[who[j]], &s->x[i], 1, s->pitch, &a->low, &a->high);
       a->right = magnitude(x - p[j].x[p[j].end[1]]) < magnitude(x - p[j].x[p[j].end[0]]);
       a->far = magnitude(x - p[j].x[p[j].end[a->right]]);
       a->crossed = a->low.from != a->low.to && a->high.y > 0.0 && a->low.y < s->length;

@@ -37,10 +37,17 @@ static void gap(const Scans *s, const Loss *loss, const Posed *p, const double *
   double residual = (x < least ? least : most) - x;
   weight = 1.0 / (loss->end * loss->end);
   add_loss(loss, residual / loss->end, &weight, cost);
+  if (!n) return;
   double by_pose[3] = {1.0, 0.0, pose[1] - p->y[i]}, by_corner[4] = {p->cos, -p->sin, 0.0, 0.0};
   Crossing corner = {i, i, p->y[i], 0.0, 0.0};
   add_product(n, size, weight, &corner, by_pose, by_corner);
   add_gradient(n, weight * residual, &corner, by_pose, by_corner);
+}
+
+static inline void add_pair(double *to, double by, const double *pair) {
+  double first = to[0] + by * pair[0], second = to[1] + by * pair[1];
+  to[0] = first;
+  to[1] = second;
 }
 
 /* Add what a strip reads, of which `terms` are what `strip` returns: J'WJ of both crossings, and J'Wr. */
@@ -57,51 +64,59 @@ static void add_strip(const Normal *n, Int size, const double *terms, const Cros
   if (!n->shape) return;
   Int at_low[2] = {2 * low->from, 2 * low->to}, at_high[2] = {2 * high->from, 2 * high->to};
   for (int i = 0; i < 3; i++)
-    for (int j = 0; j < 4; j++) {
-      n->mixed[i * size + at_low[j / 2] + j % 2] += by_low[i] * low_corner[j];
-      n->mixed[i * size + at_high[j / 2] + j % 2] += by_high[i] * high_corner[j];
+    for (int j = 0; j < 2; j++) {
+      add_pair(n->mixed + i * size + at_low[j], by_low[i], low_corner + 2 * j);
+      add_pair(n->mixed + i * size + at_high[j], by_high[i], high_corner + 2 * j);
     }
   for (int i = 0; i < 4; i++) {
     double *row = n->shape + (at_low[i / 2] + i % 2) * size, *other = n->shape + (at_high[i / 2] + i % 2) * size;
     double low_low = terms[0] * low_corner[i], low_high = terms[1] * low_corner[i];
     double high_low = terms[1] * high_corner[i], high_high = terms[2] * high_corner[i];
-    for (int j = 0; j < 4; j++) {
-      row[at_low[j / 2] + j % 2] += low_low * low_corner[j];
-      row[at_high[j / 2] + j % 2] += low_high * high_corner[j];
-      other[at_low[j / 2] + j % 2] += high_low * low_corner[j];
-      other[at_high[j / 2] + j % 2] += high_high * high_corner[j];
+    for (int j = 0; j < 2; j++) {
+      add_pair(row + at_low[j], low_low, low_corner + 2 * j);
+      add_pair(row + at_high[j], low_high, high_corner + 2 * j);
+      add_pair(other + at_low[j], high_low, low_corner + 2 * j);
+      add_pair(other + at_high[j], high_high, high_corner + 2 * j);
     }
     n->shape_slope[at_low[i / 2] + i % 2] += terms[3] * low_corner[i];
     n->shape_slope[at_high[i / 2] + i % 2] += terms[4] * high_corner[i];
   }
 }
 
-/* Add one scan's part to the blocks and return its cost. */
+static int is_touched(const Scans *s, const double *k) {
+  int there = 0;
+  for (Int row = 0; row < s->signatures; row++) there |= k[row * s->strips] == k[row * s->strips];
+  return there;
+}
+
+/* Add one scan's part to the blocks, where there are any, and return its cost. */
 static double scan_equations(const Scans *s, const Loss *loss, Int scan, const double *corners, Int count,
                              const double *pose, const Normal *n) {
   Posed p;
-  Int size = 2 * count, first = -1, last = -1;
+  Int size = 2 * count, first = 0, last = s->strips - 1;
   double terms[5], low_pose[3], low_corner[4], high_pose[3], high_corner[4];
+  const double *readings = s->k + scan * s->signatures * s->strips;
   Cost cost = FREE;
+  while (first < s->strips && !is_touched(s, readings + first)) first++;
+  if (first == s->strips) return 0.0;
+  while (!is_touched(s, readings + last)) last--;
   place(corners, count, pose, &p);
-  for (Int i = 0; i < s->strips; i++) {
-    const double *k = s->k + scan * s->signatures * s->strips + i;
-    int there = 0;
-    for (Int row = 0; row < s->signatures; row++) there |= k[row * s->strips] == k[row * s->strips];
-    if (!there) continue;
-    if (first < 0) first = i;
-    last = i;
-    Crossing low, high;
-    cross(&p, count, s->x[i], &low, &high);
-    strip(s, loss, k, s->strips, &low, &high, terms, &cost);
-    slopes(&p, pose, &low, low_pose, low_corner);
-    slopes(&p, pose, &high, high_pose, high_corner);
-    add_strip(n, size, terms, &low, low_pose, low_corner, &high, high_pose, high_corner);
+  for (Int begin = first; begin <= last; begin += AT_A_TIME) {
+    Int strips = last + 1 - begin < AT_A_TIME ? last + 1 - begin : AT_A_TIME;
+    Crossing low[AT_A_TIME], high[AT_A_TIME];
+    cross(&p, count, s->x + begin, strips, s->pitch, low, high);
+    for (Int i = 0; i < strips; i++) {
+      const double *k = readings + begin + i;
+      if (!is_touched(s, k)) continue;
+      strip(s, loss, k, s->strips, &low[i], &high[i], terms, &cost);
+      if (!n) continue;
+      slopes(&p, pose, &low[i], low_pose, low_corner);
+      slopes(&p, pose, &high[i], high_pose, high_corner);
+      add_strip(n, size, terms, &low[i], low_pose, low_corner, &high[i], high_pose, high_corner);
+    }
   }
-  if (first >= 0) {
-    gap(s, loss, &p, pose, 0, first, n, size, &cost);
-    gap(s, loss, &p, pose, 1, last, n, size, &cost);
-  }
+  gap(s, loss, &p, pose, 0, first, n, size, &cost);
+  gap(s, loss, &p, pose, 1, last, n, size, &cost);
   return total_of(loss, &cost);
 }
 
@@ -109,23 +124,32 @@ static void clear(double *values, Int count) {
   for (Int i = 0; i < count; i++) values[i] = 0.0;
 }
 
-double tacstrip_rigid_equations(const Scans *s, const Loss *loss, const double *corners, Int count, const double *poses,
-                                double *pose, double *mixed, double *shape, double *pose_slope, double *shape_slope,
-                                double *costs) {
+double rigid_equations(const Scans *s, const Loss *loss, const double *corners, Int count, const double *poses, double most,
+                       const Normal *n, double *costs) {
   Int size = 2 * count;
   double total = 0.0;
   CHECK(3 <= count && count <= RIGID_CORNERS && 1 <= s->signatures && s->signatures <= 2);
-  clear(pose, 9 * s->scans);
-  clear(mixed, 3 * size * s->scans);
-  clear(shape, size * size);
-  clear(pose_slope, 3 * s->scans);
-  clear(shape_slope, size);
-  for (Int i = 0; i < s->scans; i++) {
-    Normal n = {pose + 9 * i, mixed + 3 * size * i, shape, pose_slope + 3 * i, shape_slope};
-    costs[i] = scan_equations(s, loss, i, corners, count, poses + 3 * i, &n);
+  if (n) {
+    clear(n->pose, 9 * s->scans);
+    clear(n->mixed, 3 * size * s->scans);
+    clear(n->shape, size * size);
+    clear(n->pose_slope, 3 * s->scans);
+    clear(n->shape_slope, size);
+  }
+  for (Int i = 0; i < s->scans && !(total >= most); i++) {
+    Normal own;
+    if (n) own = (Normal){n->pose + 9 * i, n->mixed + 3 * size * i, n->shape, n->pose_slope + 3 * i, n->shape_slope};
+    costs[i] = scan_equations(s, loss, i, corners, count, poses + 3 * i, n ? &own : 0);
     total += costs[i];
   }
   return total;
+}
+
+double tacstrip_rigid_equations(const Scans *s, const Loss *loss, const double *corners, Int count, const double *poses,
+                                double *pose, double *mixed, double *shape, double *pose_slope, double *shape_slope,
+                                double *costs) {
+  Normal n = {pose, mixed, shape, pose_slope, shape_slope};
+  return rigid_equations(s, loss, corners, count, poses, INFINITE, &n, costs);
 }
 
 /* One scan's pose by itself. */
@@ -150,7 +174,7 @@ static double descend_pose(const Scans *s, const Loss *loss, Int scan, const dou
       for (int i = 0; i < 3; i++) trial[i] = pose[i] + by[i];
       clear(trial_blocks, 9);
       clear(trial_slope, 3);
-      new_cost = scan_equations(s, loss, scan, corners, count, trial, &other);
+      new_cost = scan_equations(s, loss, scan, corners, count, trial, step + 1 < steps ? &other : 0);
     }
     if (new_cost < cost) {
       int done = cost - new_cost < 1e-3 * cost;
@@ -172,6 +196,28 @@ void tacstrip_rigid_poses(const Scans *s, const Loss *loss, const double *corner
       Int at = i * starts + j;
       costs[at] = descend_pose(s, loss, i, corners, count, poses + 3 * at, steps);
     }
+}
+
+double tacstrip_rigid_walk(const Scans *s, const Loss *loss, double *corners, Int count, double *poses, double cost,
+                           const double *moves, const double *above, Int steps, Int descents, double *walked,
+                           double *workspace) {
+  Int size = 2 * count, scans = s->scans;
+  double *trial = workspace, *trial_poses = workspace + size;
+  CHECK(3 <= count && count <= RIGID_CORNERS);
+  for (Int step = 0; step < steps; step++) {
+    double most = cost + above[step], new_cost = 0.0;
+    for (Int i = 0; i < size; i++) trial[i] = corners[i] + moves[step * size + i];
+    for (Int i = 0; i < 3 * scans; i++) trial_poses[i] = poses[i];
+    for (Int i = 0; i < scans && new_cost < most; i++)
+      new_cost += descend_pose(s, loss, i, trial, count, trial_poses + 3 * i, descents);
+    if (new_cost < most) {
+      for (Int i = 0; i < size; i++) corners[i] = trial[i];
+      for (Int i = 0; i < 3 * scans; i++) poses[i] = trial_poses[i];
+      cost = new_cost;
+    }
+    for (Int i = 0; i < size; i++) walked[step * size + i] = corners[i];
+  }
+  return cost;
 }
 
 /* U'U of a damped block (3, 3), its diagonal by what divides. */
@@ -278,8 +324,7 @@ double tacstrip_rigid_descend(const Scans *s, const Loss *loss, const CornerPrio
     n[i].shape_slope = n[i].pose_slope + 3 * scans;
   }
   int now = 0;
-  double cost = tacstrip_rigid_equations(s, loss, corners, count, poses, n[0].pose, n[0].mixed, n[0].shape,
-                                         n[0].pose_slope, n[0].shape_slope, costs);
+  double cost = rigid_equations(s, loss, corners, count, poses, INFINITE, &n[0], costs);
   cost += add_prior(prior, size, corners, &n[0]);
   for (Int step = 0; step < steps && damping < HOPELESS; step++) {
     double new_cost = INFINITE;
@@ -287,8 +332,9 @@ double tacstrip_rigid_descend(const Scans *s, const Loss *loss, const CornerPrio
     if (rigid_step(scans, size, &n[now], damping, LEAST, pinned, by_corner, by_pose)) {
       for (Int i = 0; i < size; i++) trial_corners[i] = corners[i] + by_corner[i];
       for (Int i = 0; i < 3 * scans; i++) trial_poses[i] = poses[i] + by_pose[i];
-      new_cost = tacstrip_rigid_equations(s, loss, trial_corners, count, trial_poses, o->pose, o->mixed, o->shape,
-                                          o->pose_slope, o->shape_slope, trial_costs);
+      /* without a prior no scan costs less than nothing, so that a trial is given up as soon as it is no better */
+      new_cost = rigid_equations(s, loss, trial_corners, count, trial_poses, prior ? INFINITE : cost,
+                               prior || step + 1 < steps ? o : 0, trial_costs);
       new_cost += add_prior(prior, size, trial_corners, o);
     }
     if (new_cost < cost) {

@@ -11,6 +11,7 @@
 #define LEAST 1e-9      /* damping at least, and what is added to the diagonal */
 #define HOPELESS 1e8    /* damping that ends a descent */
 #define TOUCHES 1e-12   /* an edge no longer than this in x is vertical */
+#define AT_A_TIME 16    /* strips whose crossings are found together */
 #define LARGE 1e150     /* a product of which the logarithm is taken */
 
 typedef struct {
@@ -28,6 +29,11 @@ typedef struct {
 typedef struct {
   double *pose, *mixed, *shape, *pose_slope, *shape_slope; /* (3, 3), (3, 2 N), (2 N, 2 N), (3,), (2 N,) */
 } Normal;
+
+/* rigid.c: write the blocks of all scans, where there are any, and their costs (scans,); return the total. At `most` and above it
+   is left unfinished: no scan costs less than nothing. */
+HIDDEN double rigid_equations(const Scans *s, const Loss *loss, const double *corners, Int count, const double *poses,
+                              double most, const Normal *n, double *costs);
 
 /* rigid.c: solve the damped equations of `size` numbers of an outline with the poses eliminated (Schur's complement). Writes
    their steps and those of the poses (scans, 3); 0 where they are not positive definite. `least` is added to the diagonal,
@@ -47,26 +53,39 @@ static inline void place(const double *corners, Int count, const double *pose, P
   }
 }
 
-/* Beside the outline its end corner is read. */
-static inline void cross(const Posed *p, Int count, double x, Crossing *low, Crossing *high) {
-  int found = 0, first = p->x[0] <= x, left = first;
+/* Where the centre lines x[0] to x[strips - 1], ascending and `pitch` apart, cross the outline lowest and highest. Beside the
+   outline its end corner is read. */
+static inline void cross(const Posed *p, Int count, const double *x, Int strips, double pitch, Crossing *low, Crossing *high) {
+  Int after[RIGID_CORNERS]; /* the first line that is not left of a corner */
+  int found[AT_A_TIME] = {0};
+  CHECK(strips <= AT_A_TIME);
   for (Int i = 0; i < count; i++) {
-    Int j = i + 1 < count ? i + 1 : 0;
-    int before = left;
-    left = j ? p->x[j] <= x : first;
-    if (before == left) continue;
-    double from = p->x[i], to = p->x[j];
-    double share = (x - from) / (to - from), run = to - from;
-    if (magnitude(run) < TOUCHES) run = run < 0.0 ? -TOUCHES : TOUCHES;
-    Crossing here = {i, j, p->y[i] + share * (p->y[j] - p->y[i]), share, (p->y[j] - p->y[i]) / run};
-    if (!found || here.y < low->y) *low = here;
-    if (!found || here.y > high->y) *high = here;
-    found = 1;
+    Int k = (Int)clip((p->x[i] - x[0]) / pitch, 0.0, (double)(strips - 1));
+    while (k > 0 && x[k - 1] >= p->x[i]) k--;
+    while (k < strips && x[k] < p->x[i]) k++;
+    after[i] = k;
   }
-  if (found) return;
-  Int i = p->end[magnitude(x - p->x[p->end[1]]) < magnitude(x - p->x[p->end[0]])];
-  Crossing corner = {i, i, p->y[i], 0.0, 0.0};
-  *low = *high = corner;
+  for (Int i = 0; i < count; i++) {
+    Int j = i + 1 < count ? i + 1 : 0, begin = after[i] < after[j] ? after[i] : after[j];
+    Int end = after[i] < after[j] ? after[j] : after[i];
+    if (begin == end) continue;
+    double from = p->x[i], width = p->x[j] - from, run = width, rise = p->y[j] - p->y[i];
+    if (magnitude(run) < TOUCHES) run = run < 0.0 ? -TOUCHES : TOUCHES;
+    Crossing here = {i, j, 0.0, 0.0, rise / run};
+    for (Int k = begin; k < end; k++) {
+      here.share = (x[k] - from) / width;
+      here.y = p->y[i] + here.share * rise;
+      if (!found[k] || here.y < low[k].y) low[k] = here;
+      if (!found[k] || here.y > high[k].y) high[k] = here;
+      found[k] = 1;
+    }
+  }
+  for (Int k = 0; k < strips; k++)
+    if (!found[k]) {
+      Int i = p->end[magnitude(x[k] - p->x[p->end[1]]) < magnitude(x[k] - p->x[p->end[0]])];
+      Crossing corner = {i, i, p->y[i], 0.0, 0.0};
+      low[k] = high[k] = corner;
+    }
 }
 
 /* dy of a crossing by the pose (3,) and by x and y of both corners (4,). */
@@ -117,8 +136,7 @@ static inline void strip(const Scans *s, const Loss *loss, const double *k, Int 
   double h = s->lam > 0.0 ? hyperbolic_tangent(w / (2.0 * s->lam)) : 0.0, t = s->lam * h;
   double mix = s->lam > 0.0 ? 0.5 * (1.0 - h * h) : 0.0, keep = 1.0 - mix;
   double over = 1.0 / larger(1.0 - s->narrow * (w - 2.0 * t), LEAST_D);
-  double rough_l = 1.0 + smaller(low->slope * low->slope, STEEPEST);
-  double rough_u = 1.0 + smaller(high->slope * high->slope, STEEPEST);
+  double variance = s->sigma * s->sigma, weight = 1.0 / variance, root = sqrt(weight);
   for (int i = 0; i < 5; i++) terms[i] = 0.0;
   for (Int row = 0; row < s->signatures; row++) {
     double read = k[row * stride], share = s->share[row];
@@ -126,16 +144,21 @@ static inline void strip(const Scans *s, const Loss *loss, const double *k, Int 
     double model = ((1.0 - share) * (l + t) + share * (u - t)) * over;
     double by_low = (1.0 - share - s->narrow * model) * over, by_high = (share + s->narrow * model) * over;
     double by_l = (by_low * keep + by_high * mix) / s->length, by_u = (by_high * keep + by_low * mix) / s->length;
-    double soft = loss->tolerance * loss->tolerance * (by_l * by_l * rough_l + by_u * by_u * rough_u);
-    double weight = 1.0 / (s->sigma * s->sigma + soft), residual = read - model;
-    add_loss(loss, residual * sqrt(weight), &weight, cost);
+    if (loss->tolerance > 0.0) {
+      double rough_l = 1.0 + smaller(low->slope * low->slope, STEEPEST);
+      double rough_u = 1.0 + smaller(high->slope * high->slope, STEEPEST);
+      weight = 1.0 / (variance + loss->tolerance * loss->tolerance * (by_l * by_l * rough_l + by_u * by_u * rough_u));
+      root = sqrt(weight);
+    }
+    double residual = read - model, own = weight;
+    add_loss(loss, residual * root, &own, cost);
     by_l *= held_l;
     by_u *= held_u;
-    terms[0] += weight * by_l * by_l;
-    terms[1] += weight * by_l * by_u;
-    terms[2] += weight * by_u * by_u;
-    terms[3] += weight * by_l * residual;
-    terms[4] += weight * by_u * residual;
+    terms[0] += own * by_l * by_l;
+    terms[1] += own * by_l * by_u;
+    terms[2] += own * by_u * by_u;
+    terms[3] += own * by_l * residual;
+    terms[4] += own * by_u * residual;
   }
 }
 

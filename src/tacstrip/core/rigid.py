@@ -213,6 +213,44 @@ def fit_poses(
     return poses, costs
 
 
+def walk(
+    scans: RigidScans,
+    corners: FloatArray,
+    poses: FloatArray,
+    cost: float,
+    moves: FloatArray,
+    above: FloatArray,
+    steps: int,
+) -> tuple[FloatArray, FloatArray, float]:
+    """Return the corners after each step of Metropolis' walk (M, N, 2), the last one's poses (T, 3) and its cost.
+
+    Parameters
+    ----------
+    scans
+        That the walk is to explain, by least squares.
+    corners, poses, cost
+        Where it begins: (N, 2) [mm], (T, 3) and chi square.
+    moves
+        Of the corners, trial by trial (M, N, 2) [mm].
+    above
+        By how much a trial may cost more than the last one that was taken (M,).
+    steps
+        Of a trial's poses downhill, each by itself.
+    """
+    core, how = exported("rigid_walk"), loss(scans)
+    if core is None or len(corners) > RIGID_CORNERS:
+        return _plain_walk(scans, corners, poses, cost, moves, above, steps)
+    corners, poses, walked = np.array(corners), np.array(poses), np.empty(moves.shape)
+    moves, above, workspace = (
+        np.ascontiguousarray(moves),
+        np.ascontiguousarray(above),
+        np.empty(corners.size + poses.size),
+    )
+    given = (at(corners), len(corners), at(poses), cost, at(moves), at(above), len(moves), steps)
+    cost = core(scans.compiled, how, *given, at(walked), at(workspace))
+    return walked, poses, cost
+
+
 def descend(
     scans: RigidScans,
     corners: FloatArray,
@@ -458,6 +496,25 @@ def _plain_fit_poses(
         if not going.any():
             break
     return poses, costs
+
+
+def _plain_walk(
+    scans: RigidScans,
+    corners: FloatArray,
+    poses: FloatArray,
+    cost: float,
+    moves: FloatArray,
+    above: FloatArray,
+    steps: int,
+) -> tuple[FloatArray, FloatArray, float]:
+    """Do as `walk`."""
+    walked = np.empty(moves.shape)
+    for i, (move, most) in enumerate(zip(moves, above, strict=True)):
+        trial, costs = _plain_fit_poses(scans, corners + move, poses, loss(scans), steps)
+        if costs.sum() < cost + most:
+            corners, poses, cost = corners + move, trial, float(costs.sum())
+        walked[i] = corners
+    return walked, poses, cost
 
 
 def _plain_descend(

@@ -21,9 +21,10 @@ static void clear(double *values, Int count) {
   for (Int i = 0; i < count; i++) values[i] = 0.0;
 }
 
-/* Write the equations of corners and poses, and costs (T,); return the total with the prior's. placed (2 N + 3 T,). */
-static double equations(const Path *p, const double *outline, const double *knots, const Normal *n, double *costs,
-                        double *placed) {
+/* Write the equations of corners and poses, if any, and costs (T,); return the total with the prior's, or `most` and more.
+   placed (2 N + 3 T,). */
+static double equations(const Path *p, const double *outline, const double *knots, double most, const Normal *n,
+                        double *costs, double *placed) {
   const OutlineBy *by = p->by;
   double *poses = placed + 2 * by->count;
   for (Int c = 0; c < 2 * by->count; c++) placed[c] = by->weight[c] * outline[by->which[c]];
@@ -33,8 +34,7 @@ static double equations(const Path *p, const double *outline, const double *knot
       double share = p->basis ? p->basis[t * p->knots + k] : t == k;
       if (share != 0.0) for (int i = 0; i < 3; i++) poses[3 * t + i] += share * knots[3 * k + i];
     }
-  double cost = tacstrip_rigid_equations(p->scans, p->loss, placed, by->count, poses, n->pose, n->mixed, n->shape,
-                                         n->pose_slope, n->shape_slope, costs);
+  double cost = rigid_equations(p->scans, p->loss, placed, by->count, poses, most, n, costs);
   for (Int i = 0; i < by->numbers; i++)
     for (Int j = 0; j < by->numbers; j++) cost += outline[i] * by->prior[i * by->numbers + j] * outline[j];
   return cost;
@@ -152,7 +152,7 @@ double tacstrip_rigid_path(const Scans *s, const Loss *loss, const OutlineBy *by
   double *placed = taken(&workspace, size + 3 * s->scans), *new_costs = taken(&workspace, s->scans);
   double *step = taken(&workspace, path_size + few), *trial = taken(&workspace, path_size + few);
   double *matrix = taken(&workspace, all * all), *work = taken(&workspace, all * all), *slope = taken(&workspace, all);
-  double cost = equations(&path, outline, at_knots, &n[0], costs, placed);
+  double cost = equations(&path, outline, at_knots, INFINITE, &n[0], costs, placed);
   for (Int round = 0; round < steps; round++) {
     double new_cost = INFINITE;
     less.pose = n[now].pose;
@@ -167,7 +167,7 @@ double tacstrip_rigid_path(const Scans *s, const Loss *loss, const OutlineBy *by
         for (Int j = 0; j < path_size; j++) trial[j] = at_knots[j] + step[j];
         for (Int j = 0; j < few; j++) trial[path_size + j] = outline[j] + step[path_size + j];
         if (least < 0.0 || allowed(trial + path_size, few, least)) {
-          new_cost = equations(&path, trial + path_size, trial, &n[!now], new_costs, placed);
+          new_cost = equations(&path, trial + path_size, trial, cost, round + 1 < steps ? &n[!now] : 0, new_costs, placed);
           better = new_cost < cost;
         }
       }

@@ -26,6 +26,7 @@ from tacstrip.tracking.rigid.offsets import not_ruled_out, with_offsets
 from tacstrip.tracking.rigid.posterior import scatter
 from tacstrip.tracking.rigid.rivals import (
     beside_rivals,
+    notch_gain,
     poses_beside_rivals,
     unread_tip_mm,
     with_a_corner_cut,
@@ -43,6 +44,7 @@ DEVIATIONS = 2.0  # ... within so many deviations
 # kinks, of which the readings prefer none.
 _KINKED = 1.2
 _COUNTED = 0.05  # pitches, by which an outline of another count is off, for the count to matter
+_OPEN = 9.0  # chi square, three deviations: what costs less beside a kink may be far more of what is likely
 _UNREAD = 0.5  # pitches of a corner that no strip reads
 _MOVED = 0.5  # pitches that corners must move where few strips are touched
 _LEFT_OVER = (
@@ -70,6 +72,10 @@ _COUNT = (
 _TIP = (
     "no scan reads the last {far:.2g} mm of a corner, which may be cut off: turn the object, or slide it across the "
     "strips by more than half a pitch"
+)
+_NOTCH = (
+    "how deep a notch is, the scans do not tell: its corner may lie {far:.2g} mm further along an edge; turn the "
+    "object further"
 )
 _HARDLY_MOVED = (
     "its corners stay over the same strips in all {n} scans, which so tell little more of the shape than one: turn the "
@@ -174,6 +180,8 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
         told, advice = False, _LOOSE.format(far=DEVIATIONS * loosest)
     elif not advice and (other := one.found.of_other_count(_COUNTED * sensor.pitch_mm)):
         told, advice = False, _COUNT.format(n=other)
+    elif not advice and concave and notch_gain(some, own, unsure) < _OPEN:
+        told, advice = False, _NOTCH.format(far=unsure)
     elif not advice and few and not concave and unread_tip_mm(some, own) > _UNREAD * sensor.pitch_mm:
         told, advice = False, _TIP.format(far=unread_tip_mm(some, own))
     elif not advice and (cut := _with_a_corner_cut(one)):

@@ -208,24 +208,24 @@ def _descended(scans: RigidScans, one: RigidCurve, chosen: IntArray) -> RigidCur
 
 def _descent(scans: RigidScans, now: RigidCurve, how: Loss) -> RigidCurve:
     """Return where Levenberg and Marquardt's descent of numbers and poses ends."""
-    damping, found, by = _DAMPING, None, np.empty(0)
+    damping, (corners, by) = _DAMPING, _drawn(now.kind, now.numbers)
+    found = equations(scans, corners, now.poses, how)
+    now = replace(now, costs=found.costs)
     for i in range(_STEPS):
         if i == _LOOKED_AT and now.costs.sum() > _HOPE * scans.readings.sum():
             break
-        if found is None:
-            corners, by = _drawn(now.kind, now.numbers)
-            found = equations(scans, corners, now.poses, how)
-            now = replace(now, costs=found.costs)
         followed = of_numbers(found, by)
         matrix, slope, inverse = reduced(followed, damping, 0.0)
         step = np.linalg.solve(matrix, slope)
         turn = np.einsum("tpq,tq->tp", inverse, found.pose_slope - followed.mixed @ step)
-        trial = replace(now, numbers=now.numbers + step, poses=now.poses + turn)
-        costs = equations(scans, _drawn(now.kind, trial.numbers)[0], trial.poses, how).costs
-        gain = float(now.costs.sum() - costs.sum())
+        numbers, poses = now.numbers + step, now.poses + turn
+        corners, trial_by = _drawn(now.kind, numbers)
+        trial = equations(scans, corners, poses, how)
+        gain = float(now.costs.sum() - trial.costs.sum())
         if gain > 0.0:
-            now, found, damping = replace(trial, costs=costs), None, damping / _EASED
-            if gain < _ENOUGH * costs.sum():
+            now, found, by = replace(now, numbers=numbers, poses=poses, costs=trial.costs), trial, trial_by
+            damping /= _EASED
+            if gain < _ENOUGH * trial.costs.sum():
                 break
         else:
             damping *= _EASED

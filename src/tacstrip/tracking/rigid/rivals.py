@@ -9,7 +9,16 @@ import shapely
 
 from tacstrip.arrays import FloatArray
 from tacstrip.core.rigid import LEAST, RigidScans
-from tacstrip.tracking.rigid.corners import Fit, corners_cut, edges_and_turns, fitted, poses_around, settled
+from tacstrip.tracking.rigid.corners import (
+    Fit,
+    corners_cut,
+    edges_and_turns,
+    fitted,
+    posed,
+    poses_around,
+    reflex,
+    settled,
+)
 from tacstrip.tracking.rigid.covariance import covariances, information, rigid_motions
 from tacstrip.tracking.rigid.found import Found, carried
 from tacstrip.tracking.rigid.offsets import with_offsets
@@ -112,6 +121,21 @@ def unread_tip_mm(scans: RigidScans, fit: Fit) -> float:
     across = one - other
     twice = np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])
     return float((twice / np.maximum(np.hypot(*across.T), 1e-9)).max())
+
+
+def notch_gain(scans: RigidScans, fit: Fit, far_mm: float) -> float:
+    """Return the least that chi square grows by as a notch's corner moves on along one of its edges by so much.
+
+    The poses follow. A strip reads an outline from its lowest to its highest place, so that a notch behind an overhang
+    may go on at no cost; the bound at a corner that ends where that begins, beside a kink, does not know.
+    """
+    corners, least = fit.corners, math.inf
+    for i in np.flatnonzero(reflex(corners)):
+        for beside in (i - 1, (i + 1) % len(corners)):
+            deeper, edge = corners.copy(), corners[i] - corners[beside]
+            deeper[i] += edge * (far_mm / max(math.hypot(*edge), 1e-9))
+            least = min(least, posed(scans, Fit(deeper, fit.poses, fit.costs)).cost - fit.cost)
+    return least
 
 
 def about_other_rests(scans: RigidScans, fit: Fit) -> FloatArray:

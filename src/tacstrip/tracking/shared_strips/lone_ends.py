@@ -130,14 +130,16 @@ def _sudden_changes(scans: RigidScans) -> IntArray:
     """Return the scans in which something may be put down beside an object, or lifted; all, where it moves erratically.
 
     A strip that another object begins to cover jumps by their distance and its width, or new strips are touched, while
-    the readings of one that deforms or moves on change as in the scans before and after.
+    the readings of one that deforms or moves on change as in the scans before and after. A strip is no evidence beside
+    scans in which it is not touched: where an edge nearly along it comes over it, it is read from end to end at once.
     """
     if Starts(scans).erratic:
         return np.arange(1, len(scans.k))
-    change = np.nan_to_num(np.abs(np.diff(scans.k, axis=0)) / scans.sigma)
+    change = np.nan_to_num(np.abs(np.diff(scans.k, axis=0)) / scans.sigma, nan=np.inf)
     beside = np.zeros_like(change)
     beside[1:] = change[:-1]
     beside[:-1] = np.maximum(beside[:-1], change[1:])
+    change[np.isinf(change)] = 0.0
     touched = np.asarray(np.isfinite(scans.k).any(axis=1))
     new: IntArray = np.cumsum(touched[1:] != touched[:-1], axis=1)
     many = new[:, _NEW - 1 :] - np.pad(new, ((0, 0), (1, 0)))[:, :-_NEW]
