@@ -19,11 +19,11 @@ from tacstrip.arrays import FloatArray
 from tacstrip.contact.footprint import footprint
 from tacstrip.contact.shape import Contact
 from tacstrip.contact.signature import signatures
+from tacstrip.contact.slant import slant_shift
 from tacstrip.contact.strip_width import wide_ends
 from tacstrip.network.strips.resolved import mesh_limit, wide_readings
 from tacstrip.plot.theme import COLOURS, DASHES, OTHERS, add_axes, legend, new_figure
 from tacstrip.sensor.closed_form import lower_and_width
-from tacstrip.sensor.slant import slant_shift
 from tacstrip.sensor.spec import Sensor
 from tacstrip.simulation import simulate
 

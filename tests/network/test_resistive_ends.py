@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
+from tacstrip.network.strips.resistive_ends import ResistiveEnds
 
 import tacstrip as ts
-from tacstrip.network.strips.resistive_ends import ResistiveEnds
 from tacstrip.network.strips.resolved import Cells, wide_readings
 
 SHAPE = np.array([(14.37, 28.37), (60.37, 44.37), (66.37, 75.37), (20.37, 59.37)])

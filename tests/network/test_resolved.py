@@ -16,9 +16,9 @@ from studies.budget import PROFILE_I
 from studies.width import RULES, edge_shift, footprints, rule_errors, steepest
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.signature import signatures
+from tacstrip.contact.slant import _digamma, slant_shift
 from tacstrip.network.strips.resolved import MOST, wide_measurements, wide_readings
 from tacstrip.sensor import lower_and_width
-from tacstrip.sensor.slant import _digamma, slant_shift
 
 B, L = 10.0, 100.0  # width and length of the strips [mm]
 SIZE: dict[str, Any] = {"strips": 3, "pitch_mm": B, "length_mm": L}

@@ -21,7 +21,7 @@ from tacstrip.reconstruction.noise_covariance import (
     reading_variance,
     signature_jacobians,
 )
-from tacstrip.reconstruction.strip_width import across, end_slopes, equivalent_ends, resolved_slopes
+from tacstrip.reconstruction.strip_width import OnWideStrips, across, end_slopes, equivalent_ends
 from tacstrip.sensor.left_out import left_out
 from tacstrip.sensor.spec import Sensor
 
@@ -61,11 +61,12 @@ def vertex_jacobian(
     each = (slope.reshape(*lines.shape, slope.shape[-1]) for slope in outline.jacobian(lines.ravel()))
     by_l, by_u = ((np.nan_to_num(slope) * share).sum(axis=1) for slope in each)
     l, u = _ends(sensor, outline, x)
-    if lines.shape[1] > 1:  # of a strip that is covered in part, the mean height is all that is counted
+    if lines.shape[1] > 1 and resolved:
+        wide = OnWideStrips(sensor, outline, x)
+        (l, u), (by_l, by_u) = wide.ends, wide.slopes()
+    elif lines.shape[1] > 1:  # of a strip that is covered in part, the mean height is all that is counted
         covered = touched.all(axis=1)
         by_l[covered], by_u[covered] = end_slopes(sensor, outline, x[covered])
-        for strip, ends, slopes in resolved_slopes(sensor, outline, x) if resolved else ():
-            (l[strip], u[strip]), (by_l[strip], by_u[strip]) = ends, slopes
     of_ends = signature_jacobians(sensor, l, u)
     pairs = [(*of_ends[n], _read(sensor, n, x)) for n in names]
     return np.concatenate([(a[:, None] * by_l + b[:, None] * by_u)[there] for a, b, there in pairs])
