@@ -55,7 +55,7 @@ def _below_furthest(steep: FloatArray, decay: float) -> FloatArray:
 
 @lru_cache(maxsize=8)
 def _solved(decay: float) -> tuple[FloatArray, float]:
-    """Return Chebyshev coefficients, over arsinh(slope), of that divided by the slope, and its power at the steepest."""
+    """Return Chebyshev coefficients of that over the slope, in arsinh(slope), and its power at the steepest."""
     node = np.cos(np.pi * (np.arange(_NODES) + 0.5) / _NODES)
     slope = np.sinh(0.5 * (node + 1.0) * np.arcsinh(STEEPEST))
     away = _AWAY + _AWAY_LAMBDA * decay

@@ -287,7 +287,7 @@ def wide_readings(
 def _by_cosines(
     sensor: Sensor, shapes: Sequence[BaseGeometry], strips: Sequence[int], l: FloatArray, u: FloatArray
 ) -> None:
-    """Set l and u (strips,) [mm] of a thin strip of the same lambda that reads the same, of those of `strips` touched."""
+    """Set l and u (strips,) [mm] on thin strips of the same lambda that read the same, of `strips` that are touched."""
     width, length = sensor.strip_width, sensor.length_mm
     on = {i: on_strip(shapes, float(sensor.x_mm[i]), width, length) for i in strips}
     touched = [i for i, area in on.items() if not area.is_empty]
