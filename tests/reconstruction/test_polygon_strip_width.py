@@ -16,7 +16,7 @@ from tacstrip.network.strips.resolved import wide_readings
 from tacstrip.reconstruction.cramer_rao import reading_sigma, vertex_covariance, vertex_jacobian
 from tacstrip.reconstruction.polygon.estimate import fit_polygon
 from tacstrip.reconstruction.polygon.wide_fit import contradicted_by_outer_strip
-from tacstrip.reconstruction.strip_width import WithCorners, equivalent_ends, has_corner, remove_width_effect
+from tacstrip.reconstruction.strip_width import OnWideStrips, equivalent_ends, has_corner, remove_width_effect
 from tacstrip.tracking.tracker import Tracker
 
 SIZE = {"strips": 40, "pitch_mm": 3.25, "length_mm": 130.0, "strip_width_mm": 3.0, "contact_lambda_mm": 2.0}
@@ -216,7 +216,7 @@ def test_slopes_on_strips_with_corners_are_exact() -> None:
     outline = Outline.of([(13.0, 48.0), (47.0, 15.0), (88.0, 40.0), (88.0, 52.0), (56.0, 86.0)])
     x, step = sensor.x_mm, 2e-3
     cornered = np.asarray(has_corner(sensor, outline.vertices, x).any(axis=1))
-    slopes = WithCorners(sensor, outline, x).slopes(cornered)[:, cornered].reshape(2, -1, 5, 2)
+    slopes = OnWideStrips(sensor, outline, x).slopes()[:, cornered].reshape(2, -1, 5, 2)
     for vertex in range(5):
         ways = (
             [(0.0, 1.0)] if vertex in (2, 3) else [(1.0, 0.0), (0.0, 1.0)]
@@ -226,7 +226,7 @@ def test_slopes_on_strips_with_corners_are_exact() -> None:
             for by in (-step, step):
                 moved = outline.vertices.copy()
                 moved[vertex] += by * np.array(way)
-                ends.append(WithCorners(sensor, Outline.of(moved), x).ends[:, cornered])
+                ends.append(OnWideStrips(sensor, Outline.of(moved), x).ends[:, cornered])
             expected = (ends[1] - ends[0]) / (2.0 * step)
             np.testing.assert_allclose(slopes[:, :, vertex] @ way, expected, atol=2e-3)
 

@@ -26,6 +26,7 @@ from scipy.linalg import solveh_banded
 from shapely.geometry.base import BaseGeometry
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
+from tacstrip.contact.boundary_integrals import Charges
 from tacstrip.sensor.closed_form import width_from_ideal
 
 _COSINES, _FEWEST, _MOST = 6.0, 6, 64  # times 1 / sqrt(lambda)
@@ -34,6 +35,7 @@ _ELEMENT, _LONGEST = 1.2, 1.0  # times sqrt(lambda): how long elements are
 _POINTS = 4  # of the quadrature, more than cosines
 _TOGETHER = 1500  # strips times squares of the number of cosines
 _SAME = 1e-9  # closer places along the strip are one
+LEAST = 0.02  # lambda that is solved for; with less, ends lie between these and those of ideal contact
 _FREE = 1e-12  # less of the width is not covered
 _HELD = 1e30  # what holds a cosine at 0 at a bar
 _SHORTEST = 1e-9  # ideal contact
@@ -79,6 +81,8 @@ class ResistiveEnds:
 
     ends: FloatArray
     _parts: list[_Solved]
+    _ideal: list[tuple[int, BoolArray, Charges]]  # strips, which of their edges, and the charges on these
+    _share: float  # of ideal contact, on these strips
 
     @classmethod
     def on(cls, edges: FloatArray, length: float, decay: float) -> ResistiveEnds:
@@ -87,17 +91,32 @@ class ResistiveEnds:
         Contacts lie to the left of their edges. What lies along a strip's sides or over the bars may be left out.
         `decay` is lambda, above 0.
         """
+        share, decay = max(0.0, 1.0 - decay / LEAST), max(decay, LEAST)
         cosines = int(np.clip(np.ceil(_COSINES / np.sqrt(decay)), _FEWEST, _MOST))
         together = max(1, _TOGETHER // cosines**2)
         parts = [
             _Solved.of(edges[i : i + together], length, decay, cosines)
             for i in range(0, len(edges), together)
         ]
-        return cls(np.concatenate([p.ends for p in parts], axis=1), parts)
+        ends = np.concatenate([p.ends for p in parts], axis=1)
+        ideal = []
+        if share:
+            run, rise = np.moveaxis(np.abs(edges[:, :, 1] - edges[:, :, 0]), -1, 0)
+            beside = (run == 0.0) & np.isin(edges[:, :, 0, 0], (0.0, 1.0))
+            for strip, own in enumerate((np.maximum(run, rise) > _SAME) & ~beside):
+                charges = Charges.on(edges[strip, own], length)
+                if charges is not None:
+                    ideal.append((strip, own, charges))
+                    ends[:, strip] += share * (charges.ends - ends[:, strip])
+        return cls(ends, parts, ideal, share)
 
     def slopes(self) -> FloatArray:
         """Return the slopes of l and u by the ends of the edges (2, n, P, 2, 2)."""
-        return np.concatenate([part.slopes() for part in self._parts], axis=1)
+        found = np.concatenate([part.slopes() for part in self._parts], axis=1)
+        for strip, own, charges in self._ideal:
+            found[:, strip] *= 1.0 - self._share
+            found[:, strip, own] += self._share * charges.slopes()
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,7 +193,7 @@ class _Solved:
         row, column = np.tril_indices(size)
         place = ((elements.node * cosines)[:, None] + column) * size + row - column
         band = np.bincount(place.ravel(), matrices[:, row, column].ravel(), minlength=count * size)
-        band = band.reshape(count, size)  # by columns: the diagonal, and what is below it
+        band = band.astype(float).reshape(count, size)  # by columns: the diagonal, and what is below it
         _add_alike(band, cut, cosines, decay)
         lower, upper = cut.bars * cosines
         for bar in (lower, upper):
