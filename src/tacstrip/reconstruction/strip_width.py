@@ -26,7 +26,8 @@ from tacstrip.sensor.spec import Sensor
 _ENOUGH = 8  # strips: of fewer none is left out
 _SAME = 1e-9  # of the width: closer to a side is on it; shorter edges are none
 _STEP = 1e-3  # of the pitch, for differences
-_NEAR = 0.02  # of the width and of lambda: what vertices may move by, for ends off by some 1e-5 of L
+# What vertices may move by, for ends off by some 1e-5 of L: of the width and of lambda; under ideal contact of the width.
+_NEAR, _NEAR_IDEAL = 0.02, 0.005
 PARTIAL_STRIPS = 1  # strips at either end of a contact that may be covered in part
 
 
@@ -71,7 +72,7 @@ class OnWideStrips:
     ends
         l and u (2, n) [mm] on thin strips that read the same.
 
-    With contact resistance an outline `near` by leads on to this one by its slopes.
+    An outline `near` by leads on to this one by its slopes.
     """
 
     def __init__(
@@ -121,7 +122,9 @@ class _Resolved:
         every = [Charges.on(edges[own], length) for edges, own in zip(cut.edges, cut.within, strict=True)]
         charges = [one for one in every if one is not None]
         ends = width * np.array([one.ends for one in charges]).reshape(-1, 2).T
-        return cls(vertices, cut.of_strips([one is not None for one in every]), ends, charges, 0.0)
+        return cls(
+            vertices, cut.of_strips([one is not None for one in every]), ends, charges, _NEAR_IDEAL * width
+        )
 
     def leads_to(self, outline: Outline, index: IntArray) -> bool:
         """Whether an outline is near enough for these slopes, and these are the strips to resolve."""
