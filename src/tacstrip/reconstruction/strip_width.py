@@ -26,7 +26,7 @@ from tacstrip.sensor.spec import Sensor
 _ENOUGH = 8  # strips: of fewer none is left out
 _SAME = 1e-9  # of the width: closer to a side is on it; shorter edges are none
 _STEP = 1e-3  # of the pitch, for differences
-# What vertices may move by, for ends off by some 1e-5 of L: of the width and of lambda; under ideal contact of the width.
+# What vertices may move by, of the width and of lambda, for ends off by some 1e-5 of L; and under ideal contact.
 _NEAR, _NEAR_IDEAL = 0.02, 0.005
 PARTIAL_STRIPS = 1  # strips at either end of a contact that may be covered in part
 

@@ -1,0 +1,148 @@
+"""Wide strips: how far simulate, fits, limits and calibration are off the resolved strip, and this off networks.
+
+`python -m studies.wide_uses [SEED]` prints a line per construction and lambda: the worst reading of each use [1e-6 Vref].
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+
+import numpy as np
+
+import tacstrip as ts
+from studies.wide_fits import corners
+from tacstrip.arrays import FloatArray
+from tacstrip.errors import ContactError
+from tacstrip.geometry.outline import Outline
+from tacstrip.network.strips.resolved import mesh_limit, wide_readings
+from tacstrip.reconstruction.cramer_rao import vertex_covariance, vertex_jacobian
+from tacstrip.reconstruction.strip_width import OnWideStrips
+
+CONSTRUCTIONS = ("crs-crs", "crs-m", "cyl-crs-m")
+LAMBDAS = (0.0, 0.02, 0.1, 0.5, 2.0)  # over the width
+SHARES = (0.3, 0.6, 0.98)  # of the pitch
+USES = ("simulate", "fit", "limits", "calibrate", "networks")
+KINDS = ("corners", "steep", "narrow", "border")
+_STRIPS, _LENGTH, _NOISE = 20, 100.0, 0.003
+_STEP, _FARTHEST = 0.02, 1.0  # of a vertex for differences, and of what counts of its deviation [mm]
+_MESHES = (12, 24, 48)
+_ASKEW = np.tan(np.deg2rad(4.0))
+
+
+def a_sensor(construction: str, decay: float, share: float) -> ts.Sensor:
+    """Make a sensor with strips every 5 % of L, lambda over their width."""
+    pitch = _LENGTH / _STRIPS
+    tube = {"radius_mm": _STRIPS * pitch} if construction == "cyl-crs-m" else {}
+    return ts.Sensor(
+        construction=construction, strips=_STRIPS, pitch_mm=pitch, length_mm=_LENGTH, strip_width_mm=share * pitch,
+        contact_lambda_mm=decay * share * pitch, **tube,
+    )  # fmt: skip
+
+
+def drawn(sensor: ts.Sensor, kind: str, random: np.random.Generator) -> FloatArray:
+    """Draw a polygon (V, 2) [mm]: any, slanted by 1 to 4, some strip widths long, or with an edge near the border."""
+    b, wide = sensor.strip_width, sensor.width_mm
+    if kind == "corners":
+        return corners(sensor, random)
+    x0, x1 = wide * random.uniform((0.3, 0.55), (0.45, 0.7))
+    if kind == "steep":
+        slope = random.choice([-1.0, 1.0]) * random.uniform(1.0, 2.0)
+        low = 0.5 * (_LENGTH - slope * (x1 - x0)) - 12.0
+        return np.array(
+            [(x0, low), (x1, low + slope * (x1 - x0)), (x1, low + slope * (x1 - x0) + 20), (x0, low + 26)]
+        )
+    tilt = random.uniform(-0.4, 0.4, 2) * (x1 - x0)
+    thick = random.uniform(1.0, 4.0) * b
+    low = random.uniform(0.05, 0.8) * b if kind == "border" else random.uniform(0.4, 0.5) * _LENGTH
+    height = np.array([0.0, tilt[0], thick + tilt[1], thick])
+    height[2] = max(height[2], height[1] + 0.3 * b)
+    return np.stack([[x0, x1, x1, x0], low + height - height.min()], axis=1)
+
+
+def stacked(sensor: ts.Sensor, ends: FloatArray, x: FloatArray) -> FloatArray:
+    """Return the readings (S, n) of ends (2, n) on strips at x (n,) [mm]."""
+    return np.stack([*ts.signatures(sensor, *ends).values()])
+
+
+def limits(sensor: ts.Sensor, outline: Outline) -> float:
+    """Return how far readings are off that move with each vertex by its deviation, or 1 mm."""
+    slope = vertex_jacobian(outline, sensor, resolved=True)
+    deviation = np.sqrt(np.diag(vertex_covariance(outline, sensor, _NOISE, resolved=True)))
+    worst = 0.0
+    for at in range(outline.vertices.size):
+        read = []
+        for sign in (1.0, -1.0):
+            moved = outline.vertices.ravel().copy()
+            moved[at] += sign * _STEP
+            k = wide_readings(sensor, ts.Contact.polygon(moved.reshape(-1, 2)))
+            read.append(np.concatenate([k[name][~np.isnan(k[name])] for name in sensor.signatures]))
+        if len({len(k) for k in (*read, slope)}) == 1:  # or a strip is touched by one of them only
+            off = slope[:, at] - (read[0] - read[1]) / (2.0 * _STEP)
+            worst = max(worst, float(np.abs(off).max()) * min(float(deviation[at]), _FARTHEST))
+    return worst
+
+
+def calibrate(sensor: ts.Sensor) -> float:
+    """Return how far bars, level and 4 degrees askew, read off what calibration takes: their place on centre lines."""
+    worst = 0.0
+    for rise in (0.0, _ASKEW):
+        y = np.array([40.0, 40.0 + rise * sensor.width_mm, 50.0 + rise * sensor.width_mm, 50.0])
+        bar = np.stack([[0.0, sensor.width_mm, sensor.width_mm, 0.0], y], axis=1)
+        made = ts.signatures(sensor, *ts.footprint(sensor, ts.Contact.polygon(bar)))
+        read = wide_readings(sensor, ts.Contact.polygon(bar))
+        worst = max(worst, *(float(np.nanmax(np.abs(made[name] - k))) for name, k in read.items()))
+    return worst
+
+
+def errors(construction: str, decay: float, seed: int) -> dict[str, dict[str, float]]:
+    """Return the worst error of each use [Vref], by kind of contact."""
+    worst = {use: dict.fromkeys(KINDS, 0.0) for use in USES}
+    for share, kind, case in _cases(2):
+        sensor = a_sensor(construction, decay, share)
+        random = np.random.default_rng([seed, SHARES.index(share), KINDS.index(kind), case])
+        try:
+            outline = Outline.of(drawn(sensor, kind, random))
+        except ContactError:
+            continue
+        contact = ts.Contact.polygon(outline.vertices)
+        read, made = wide_readings(sensor, contact), ts.simulate(sensor, contact)
+        on = np.flatnonzero(np.isfinite(next(iter(read.values()))))
+        known = np.stack([k[on] for k in read.values()])
+        fit = stacked(sensor, OnWideStrips(sensor, outline, sensor.x_mm[on]).ends, sensor.x_mm[on])
+        found = {
+            "simulate": np.abs(np.stack([made[name][on] for name in read]) - known).max(),
+            "fit": np.abs(fit - known).max(),
+        }
+        if not case:
+            found["limits"] = limits(sensor, outline)
+            found["calibrate"] = calibrate(sensor)
+            some = on[:: max(1, len(on) // 2)].tolist()
+            every = [wide_readings(sensor, contact, across=n, strips=some) for n in _MESHES]
+            limit = {name: mesh_limit(*(each[name] for each in every)) for name in read}
+            found["networks"] = max(np.abs(limit[name][some] - read[name][some]).max() for name in read)
+        for use, off in found.items():
+            worst[use][kind] = max(worst[use][kind], float(off))
+    return worst
+
+
+def _cases(each: int) -> Iterator[tuple[float, str, int]]:
+    for share in SHARES:
+        for kind in KINDS:
+            for case in range(each):
+                yield share, kind, case
+
+
+def main() -> None:
+    """Print a line per construction and lambda."""
+    seed = int(sys.argv[1]) if sys.argv[1:] else 891
+    for construction in CONSTRUCTIONS:
+        for decay in LAMBDAS:
+            worst = errors(construction, decay, seed)
+            cells = (f"{use} {' / '.join(f'{1e6 * off:.0f}' for off in worst[use].values())}" for use in USES)
+            sys.stdout.write(f"{construction}, lambda {decay:g} b: {'; '.join(cells)}\n")
+            sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()
