@@ -1,6 +1,6 @@
 """Wide strips: how far simulate, fits, limits and calibration are off the resolved strip, and this off networks.
 
-`python -m studies.wide_uses [SEED]` prints a line per construction and lambda: the worst reading of each use [1e-6 Vref].
+`python -m studies.wide_uses [SEED]` prints a line per construction and lambda: the worst reading of each [1e-6 Vref].
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ SHARES = (0.3, 0.6, 0.98)  # of the pitch
 USES = ("simulate", "fit", "limits", "calibrate", "networks")
 KINDS = ("corners", "steep", "narrow", "border")
 _STRIPS, _LENGTH, _NOISE = 20, 100.0, 0.003
-_STEP, _FARTHEST = 0.02, 1.0  # of a vertex for differences, and of what counts of its deviation [mm]
+_STEP, _FARTHEST = 0.004, 1.0  # of a vertex for differences, and of what counts of its deviation [mm]
 _MESHES = (12, 24, 48)
 _ASKEW = np.tan(np.deg2rad(4.0))
 

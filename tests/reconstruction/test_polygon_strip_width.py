@@ -231,6 +231,41 @@ def test_slopes_on_strips_with_corners_are_exact() -> None:
             np.testing.assert_allclose(slopes[:, :, vertex] @ way, expected, atol=2e-3)
 
 
+@pytest.mark.parametrize("lam", [0.0, 0.5, 2.5])
+@pytest.mark.parametrize("construction", ["crs-crs", "crs-m"])
+def test_fits_and_simulation_read_as_resolved_strips(construction: str, lam: float) -> None:
+    """Edges slanted by 1.5, some widths apart, near the border, with corners: closed forms are off by 5e-3 of Vref."""
+    sensor = ts.Sensor(
+        construction=construction, strips=20, pitch_mm=5.0, length_mm=100.0, strip_width_mm=4.9, contact_lambda_mm=lam
+    )  # fmt: skip
+    for shape in (
+        [(21, 12), (62, 71), (62, 90), (21, 40)],
+        [(21, 30), (74, 44), (74, 56), (21, 35)],
+        [(21, 1), (74, 9), (74, 30), (21, 20)],
+        [(23, 40), (48, 15), (71, 55), (40, 80)],
+    ):
+        contact, outline = ts.Contact.polygon(shape), Outline.of(shape)
+        made, scan = wide_readings(sensor, contact), ts.simulate(sensor, contact)
+        on = np.isfinite(next(iter(made.values())))
+        of_fit = signatures(sensor, *OnWideStrips(sensor, outline, sensor.x_mm[on]).ends)
+        for name, k in made.items():
+            np.testing.assert_allclose(of_fit[name], k[on], atol=5e-5)
+            np.testing.assert_allclose(scan[name][on], k[on], atol=5e-5)
+
+
+@pytest.mark.parametrize("construction", ["crs-crs", "crs-m"])
+def test_bars_for_calibration_read_as_on_centre_lines(construction: str) -> None:
+    """Level ones and such as lie askew by 4 degrees, which is what `calibrate` takes them for."""
+    sensor = ts.Sensor(
+        construction=construction, strips=20, pitch_mm=5.0, length_mm=100.0, strip_width_mm=4.9, contact_lambda_mm=2.0
+    )  # fmt: skip
+    for rise in (0.0, 7.0):
+        bar = ts.Contact.polygon([(0, 40), (100, 40 + rise), (100, 50 + rise), (0, 50)])
+        made = signatures(sensor, *ts.footprint(sensor, bar))
+        for name, k in wide_readings(sensor, bar).items():
+            np.testing.assert_allclose(made[name], k, atol=1e-4)
+
+
 def test_few_strips_and_garbage() -> None:
     sensor, random = SENSORS["crs-crs"], np.random.default_rng(5)
     for strips in range(1, 40, 3):
