@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -33,7 +34,7 @@ _ASKEW = np.tan(np.deg2rad(4.0))
 def a_sensor(construction: str, decay: float, share: float) -> ts.Sensor:
     """Make a sensor with strips every 5 % of L, lambda over their width."""
     pitch = _LENGTH / _STRIPS
-    tube = {"radius_mm": _STRIPS * pitch} if construction == "cyl-crs-m" else {}
+    tube: dict[str, Any] = {"radius_mm": _STRIPS * pitch} if construction == "cyl-crs-m" else {}
     return ts.Sensor(
         construction=construction, strips=_STRIPS, pitch_mm=pitch, length_mm=_LENGTH, strip_width_mm=share * pitch,
         contact_lambda_mm=decay * share * pitch, **tube,
@@ -58,11 +59,6 @@ def drawn(sensor: ts.Sensor, kind: str, random: np.random.Generator) -> FloatArr
     height = np.array([0.0, tilt[0], thick + tilt[1], thick])
     height[2] = max(height[2], height[1] + 0.3 * b)
     return np.stack([[x0, x1, x1, x0], low + height - height.min()], axis=1)
-
-
-def stacked(sensor: ts.Sensor, ends: FloatArray, x: FloatArray) -> FloatArray:
-    """Return the readings (S, n) of ends (2, n) on strips at x (n,) [mm]."""
-    return np.stack([*ts.signatures(sensor, *ends).values()])
 
 
 def limits(sensor: ts.Sensor, outline: Outline) -> float:
@@ -109,10 +105,10 @@ def errors(construction: str, decay: float, seed: int) -> dict[str, dict[str, fl
         read, made = wide_readings(sensor, contact), ts.simulate(sensor, contact)
         on = np.flatnonzero(np.isfinite(next(iter(read.values()))))
         known = np.stack([k[on] for k in read.values()])
-        fit = stacked(sensor, OnWideStrips(sensor, outline, sensor.x_mm[on]).ends, sensor.x_mm[on])
+        fit = ts.signatures(sensor, *OnWideStrips(sensor, outline, sensor.x_mm[on]).ends)
         found = {
             "simulate": np.abs(np.stack([made[name][on] for name in read]) - known).max(),
-            "fit": np.abs(fit - known).max(),
+            "fit": np.abs(np.stack([fit[name] for name in read]) - known).max(),
         }
         if not case:
             found["limits"] = limits(sensor, outline)

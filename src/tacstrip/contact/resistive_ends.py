@@ -192,8 +192,8 @@ class _Solved:
         matrices = elements.matrices(cosines, decay)
         row, column = np.tril_indices(size)
         place = ((elements.node * cosines)[:, None] + column) * size + row - column
-        band = np.bincount(place.ravel(), matrices[:, row, column].ravel(), minlength=count * size)
-        band = band.astype(float).reshape(count, size)  # by columns: the diagonal, and what is below it
+        sums = np.bincount(place.ravel(), matrices[:, row, column].ravel(), minlength=count * size)
+        band = sums.astype(float).reshape(count, size)  # by columns: the diagonal, and what is below it
         _add_alike(band, cut, cosines, decay)
         lower, upper = cut.bars * cosines
         for bar in (lower, upper):
@@ -250,8 +250,8 @@ class _Solved:
         outwards = (end - begin)[:, ::-1] * (1.0, -1.0)
         for of_end, potential in zip(found, (lower, lower + d), strict=True):
             pull = (weight * d * potential / self.decay**2)[:, None] * outwards
-            np.add.at(of_end, (strip, edge, 0), (1.0 - t)[:, None] * pull)
-            np.add.at(of_end, (strip, edge, 1), t[:, None] * pull)
+            np.add.at(of_end[:, :, 0], (strip, edge), (1.0 - t)[:, None] * pull)
+            np.add.at(of_end[:, :, 1], (strip, edge), t[:, None] * pull)
 
 
 @dataclass(frozen=True, eq=False)
