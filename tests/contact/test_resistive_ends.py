@@ -95,3 +95,16 @@ def test_with_little_lambda_ends_are_between_ideal_ones_and_others() -> None:
     between = solved(CORNER, decay=0.02).ends[:, 0] + ideal
     np.testing.assert_allclose(small.ends[:, 0], 0.5 * between, atol=1e-6)
     np.testing.assert_allclose(small.slopes()[..., 1].sum(axis=(2, 3)), 1.0, atol=0.01)
+
+
+@pytest.mark.parametrize("size", [1e-3, 1e-8])
+def test_specks_read_where_they_are(size: float) -> None:
+    """Of a conductance that rounding would lose, too."""
+    specks = [
+        np.array([(0.5, 5.0), (0.5 + size, 5.0), (0.5, 5.0 + size)]),
+        np.array([(0, 5), (1, 5), (0, 5.0 + size)]),
+    ]
+    found = solved(*specks, decay=2.0)
+    np.testing.assert_allclose(found.ends, 5.0, atol=0.3)
+    np.testing.assert_allclose(found.ends.mean(axis=0), 5.0, atol=2e-3)
+    assert np.isfinite(found.slopes()).all()

@@ -36,6 +36,7 @@ _POINTS = 4  # of the quadrature, more than cosines
 _TOGETHER = 1500  # strips times squares of the number of cosines
 _SAME = 1e-9  # closer places along the strip are one
 LEAST = 0.02  # lambda that is solved for; with less, ends lie between these and those of ideal contact
+_LEAST_LEAK = 1e-8  # of a contact in all: with less, too, it reads where it is
 _FREE = 1e-12  # less of the width is not covered
 _HELD = 1e30  # what holds a cosine at 0 at a bar
 _SHORTEST = 1e-9  # ideal contact
@@ -131,6 +132,8 @@ class _Intervals:
         Elements of each, 1 where alike (I,).
     node
         Number of the node at the lower end (I,).
+    leak
+        Conductance of the contact per area (I,), 1 / lambda^2; more where a speck would be lost in rounding.
     bars
         Nodes of the lower and the upper bars (2, n).
     """
@@ -142,10 +145,11 @@ class _Intervals:
     covered: BoolArray
     parts: IntArray
     node: IntArray
+    leak: FloatArray
     bars: IntArray
 
     @classmethod
-    def between(cls, edges: FloatArray, length: float, longest: float) -> _Intervals:
+    def between(cls, edges: FloatArray, length: float, decay: float) -> _Intervals:
         n = len(edges)
         y = np.pad(
             edges[..., 1].reshape(n, -1).clip(0.0, length), ((0, 0), (1, 1)), constant_values=(0.0, length)
@@ -158,12 +162,15 @@ class _Intervals:
         of, low, high = strip[:-1][inner], y[:-1][inner], y[1:][inner]
         covered = _under(edges[of], 0.5 * (low + high)[:, None], 1)[:, 0, 0]
         alike = (covered < _FREE) | (covered > 1.0 - _FREE)
+        area = np.bincount(of, np.where(alike, covered > 0.5, covered) * (high - low), minlength=n)
+        leak = np.maximum(1.0 / decay**2, _LEAST_LEAK / np.maximum(area, _SAME**2))[of]
+        longest = min(_LONGEST, _ELEMENT * np.sqrt(decay))
         parts = np.where(alike, 1, np.ceil((high - low) / longest)).astype(int)
         nodes = np.where(alike, 1, _DEGREE * parts)
         node = np.cumsum(nodes) - nodes + of
         first, last = (np.searchsorted(of, np.arange(n), side=side) for side in ("left", "right"))
         bars = np.stack([node[first], node[last - 1] + nodes[last - 1]])
-        return cls(of, low, high, alike, covered > 0.5, parts, node, bars)
+        return cls(of, low, high, alike, covered > 0.5, parts, node, leak, bars)
 
     def at(self, strip: IntArray, y: FloatArray) -> IntArray:
         """Return the nodes nearest to places y (M,) of strips (M,) where an edge begins or ends."""
@@ -186,15 +193,15 @@ class _Solved:
 
     @classmethod
     def of(cls, edges: FloatArray, length: float, decay: float, cosines: int) -> _Solved:
-        cut = _Intervals.between(edges, length, min(_LONGEST, _ELEMENT * np.sqrt(decay)))
+        cut = _Intervals.between(edges, length, decay)
         elements = _Elements.of(cut, edges, cosines)
         size, count = (_DEGREE + 1) * cosines, int(cut.bars.max() + 1) * cosines
-        matrices = elements.matrices(cosines, decay)
+        matrices = elements.matrices(cosines)
         row, column = np.tril_indices(size)
         place = ((elements.node * cosines)[:, None] + column) * size + row - column
         sums = np.bincount(place.ravel(), matrices[:, row, column].ravel(), minlength=count * size)
         band = sums.astype(float).reshape(count, size)  # by columns: the diagonal, and what is below it
-        _add_alike(band, cut, cosines, decay)
+        _add_alike(band, cut, cosines)
         lower, upper = cut.bars * cosines
         for bar in (lower, upper):
             band[bar[:, None] + np.arange(1, cosines), 0] += _HELD
@@ -228,7 +235,8 @@ class _Solved:
             )
             strip, edge, node = (np.repeat(a, len(e.rule.t)) for a in (strip, edge, node))
             self._add(found, strip, edge, t, weight, self.potential[node])
-        l, u = found
+        first = np.searchsorted(self.intervals.strip, np.arange(len(self.edges)))
+        l, u = found * self.intervals.leak[first, None, None, None]
         short = np.diff(self.ends, axis=0)[0] / (2.0 * self.decay)
         grows = (u - l) / np.tanh(short)[:, None, None, None] ** 2  # as w - 2 T does
         return np.asarray(0.5 * (l + u + np.array([-1.0, 1.0])[:, None, None, None, None] * grows))
@@ -249,7 +257,7 @@ class _Solved:
         d, lower = np.einsum("mkv,mk->vm", values, wave)
         outwards = (end - begin)[:, ::-1] * (1.0, -1.0)
         for of_end, potential in zip(found, (lower, lower + d), strict=True):
-            pull = (weight * d * potential / self.decay**2)[:, None] * outwards
+            pull = (weight * d * potential)[:, None] * outwards
             np.add.at(of_end[:, :, 0], (strip, edge), (1.0 - t)[:, None] * pull)
             np.add.at(of_end[:, :, 1], (strip, edge), t[:, None] * pull)
 
@@ -283,7 +291,7 @@ class _Rule:
 
 @dataclass(frozen=True, eq=False)
 class _Elements:
-    """Elements of strips (E,), `tall` (E,) each, with their first nodes (E,), where an edge crosses.
+    """Elements of strips (E,), `tall` (E,) each, with their first nodes and leaks (E,), where an edge crosses.
 
     `at` (E, q) are places along the strip, `under` (E, q, 2 cosines - 1) the integrals of cosines over what is under
     the contact there.
@@ -292,6 +300,7 @@ class _Elements:
     strip: IntArray
     tall: FloatArray
     node: IntArray
+    leak: FloatArray
     rule: _Rule
     at: FloatArray
     under: FloatArray
@@ -306,14 +315,14 @@ class _Elements:
         at = (cut.low[which] + number * tall)[:, None] + tall[:, None] * rule.t
         strip = cut.strip[which]
         under = _under(edges[strip], at, 2 * cosines - 1)
-        return cls(strip, tall, cut.node[which] + _DEGREE * number, rule, at, under)
+        return cls(strip, tall, cut.node[which] + _DEGREE * number, cut.leak[which], rule, at, under)
 
-    def matrices(self, cosines: int, decay: float) -> FloatArray:
+    def matrices(self, cosines: int) -> FloatArray:
         """Return the elements' matrices (E, nodes * cosines, nodes * cosines)."""
         value, nodes = self.rule.value, _DEGREE + 1
         pairs = value[:, :, None] * value[:, None] * self.rule.weight[:, None, None]
         by_order = pairs.reshape(len(pairs), -1).T @ self.under  # (E, nodes^2, 2 cosines - 1)
-        by_order *= (self.tall / (2.0 * decay**2))[:, None, None]
+        by_order *= (0.5 * self.tall * self.leak)[:, None, None]
         k = np.arange(cosines)
         found = by_order[..., np.abs(k[:, None] - k)] + by_order[..., k[:, None] + k]
         found = found.reshape(-1, nodes, nodes, cosines, cosines)
@@ -323,10 +332,10 @@ class _Elements:
         return np.asarray(found.transpose(0, 1, 3, 2, 4).reshape(-1, nodes * cosines, nodes * cosines))
 
 
-def _add_alike(band: FloatArray, cut: _Intervals, cosines: int, decay: float) -> None:
+def _add_alike(band: FloatArray, cut: _Intervals, cosines: int) -> None:
     """Add intervals over which the strip is alike across: each cosine has exponentials of its own."""
     k = np.arange(cosines)
-    rate = np.sqrt((np.pi * k) ** 2 + cut.covered[cut.alike, None] / decay**2)
+    rate = np.sqrt((np.pi * k) ** 2 + (cut.covered * cut.leak)[cut.alike, None])
     long = (cut.high - cut.low)[cut.alike, None]
     straight, rate = rate == 0.0, np.maximum(rate, _SAME)
     left, lost = np.exp(-rate * long), -np.expm1(-2.0 * rate * long)
