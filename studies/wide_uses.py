@@ -26,7 +26,10 @@ SHARES = (0.3, 0.6, 0.98)  # of the pitch
 USES = ("simulate", "fit", "limits", "calibrate", "networks")
 KINDS = ("corners", "steep", "narrow", "border")
 _STRIPS, _LENGTH, _NOISE = 20, 100.0, 0.003
-_STEP, _FARTHEST = 0.004, 1.0  # of a vertex for differences, and of what counts of its deviation [mm]
+# Of a vertex, for differences [mm]: slivers bend within the longer; where the number of elements changes readings jump
+# by some 1e-6, which counts in the shorter.
+_STEPS = 0.004, 0.02
+_FARTHEST = 1.0  # what counts of a vertex' deviation [mm]
 _MESHES = (12, 24, 48)
 _ASKEW = np.tan(np.deg2rad(4.0))
 
@@ -67,16 +70,25 @@ def limits(sensor: ts.Sensor, outline: Outline) -> float:
     deviation = np.sqrt(np.diag(vertex_covariance(outline, sensor, _NOISE, resolved=True)))
     worst = 0.0
     for at in range(outline.vertices.size):
-        read = []
-        for sign in (1.0, -1.0):
-            moved = outline.vertices.ravel().copy()
-            moved[at] += sign * _STEP
-            k = wide_readings(sensor, ts.Contact.polygon(moved.reshape(-1, 2)))
-            read.append(np.concatenate([k[name][~np.isnan(k[name])] for name in sensor.signatures]))
-        if len({len(k) for k in (*read, slope)}) == 1:  # or a strip is touched by one of them only
-            off = slope[:, at] - (read[0] - read[1]) / (2.0 * _STEP)
-            worst = max(worst, float(np.abs(off).max()) * min(float(deviation[at]), _FARTHEST))
+        off = [_off_differences(sensor, outline, slope[:, at], at, step) for step in _STEPS]
+        worst = max(worst, min(off) * min(float(deviation[at]), _FARTHEST))
     return worst
+
+
+def _off_differences(sensor: ts.Sensor, outline: Outline, slope: FloatArray, at: int, step: float) -> float:
+    """Return how far slopes (readings,) by one coordinate are off differences of resolved strips [Vref/mm].
+
+    0 where a strip is touched on one side only.
+    """
+    read = []
+    for sign in (1.0, -1.0):
+        moved = outline.vertices.ravel().copy()
+        moved[at] += sign * step
+        k = wide_readings(sensor, ts.Contact.polygon(moved.reshape(-1, 2)))
+        read.append(np.concatenate([k[name][~np.isnan(k[name])] for name in sensor.signatures]))
+    if len({len(k) for k in (*read, slope)}) > 1:
+        return 0.0
+    return float(np.abs(slope - (read[0] - read[1]) / (2.0 * step)).max())
 
 
 def calibrate(sensor: ts.Sensor) -> float:

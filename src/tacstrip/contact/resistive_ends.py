@@ -31,12 +31,12 @@ from tacstrip.sensor.closed_form import width_from_ideal
 
 _COSINES, _FEWEST, _MOST = 6.0, 6, 64  # times 1 / sqrt(lambda)
 _DEGREE = 4  # of the polynomials
-_ELEMENT, _LONGEST = 1.2, 1.0  # times sqrt(lambda): how long elements are
+_ELEMENT, _LONGEST = 0.9, 1.0  # times sqrt(lambda): how long elements are
 _POINTS = 4  # of the quadrature, more than cosines
 _TOGETHER = 1500  # strips times squares of the number of cosines
 _SAME = 1e-9  # closer places along the strip are one
 LEAST = 0.02  # lambda that is solved for; with less, ends lie between these and those of ideal contact
-_LEAST_LEAK = 1e-8  # of a contact in all: with less, too, it reads where it is
+_LEAST_LEAK = 1e-6  # of a contact in all: with less, too, it reads where it is
 _FREE = 1e-12  # less of the width is not covered
 _HELD = 1e30  # what holds a cosine at 0 at a bar
 _SHORTEST = 1e-9  # ideal contact
