@@ -66,8 +66,8 @@ def drawn(sensor: ts.Sensor, kind: str, random: np.random.Generator) -> FloatArr
 
 def limits(sensor: ts.Sensor, outline: Outline) -> float:
     """Return how far readings are off that move with each vertex by its deviation, or 1 mm."""
-    slope = vertex_jacobian(outline, sensor, resolved=True)
-    deviation = np.sqrt(np.diag(vertex_covariance(outline, sensor, _NOISE, resolved=True)))
+    slope = vertex_jacobian(outline, sensor)
+    deviation = np.sqrt(np.diag(vertex_covariance(outline, sensor, _NOISE)))
     worst = 0.0
     for at in range(outline.vertices.size):
         off = [_off_differences(sensor, outline, slope[:, at], at, step) for step in _STEPS]

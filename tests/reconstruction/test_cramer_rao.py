@@ -301,8 +301,8 @@ def test_limits_of_wide_strips_are_those_of_resolved_ones(
         construction=construction, strips=16, pitch_mm=5.0, strip_width_mm=4.0, contact_lambda_mm=lam
     )
     outline = Outline.of(vertices)
-    slope = vertex_jacobian(outline, sensor, resolved=True)
-    deviation = np.sqrt(np.diag(vertex_covariance(outline, sensor, 0.003, resolved=True)))
+    slope = vertex_jacobian(outline, sensor)
+    deviation = np.sqrt(np.diag(vertex_covariance(outline, sensor, 0.003)))
     step = 0.02
     for at in range(slope.shape[1]):
         read = []

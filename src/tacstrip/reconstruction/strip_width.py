@@ -46,11 +46,24 @@ def end_margin_mm(sensor: Sensor) -> float:
     return PARTIAL_STRIPS * sensor.pitch_mm - 0.5 * sensor.strip_width
 
 
+def counts_wide(sensor: Sensor) -> bool:
+    """Whether the strips are taken as wide as the spec says; on a curved skin they count as their centre lines."""
+    return sensor.strip_width_mm is not None and sensor.surface is None and sensor.kind.closed_form
+
+
 def across(sensor: Sensor, x: FloatArray) -> FloatArray:
     """Return the lines that stand for strips at x (n,): their centre lines (n, 1), or lines across the width [mm]."""
-    if sensor.strip_width_mm is None or sensor.surface is not None or not sensor.kind.closed_form:
+    if not counts_wide(sensor):
         return x[:, None]
     return np.asarray(x[:, None] + sensor.strip_width * (np.arange(PARTS + 1) / PARTS - 0.5))
+
+
+def touched(sensor: Sensor, outline: Outline, x: FloatArray) -> BoolArray:
+    """Whether strips at x (n,) [mm] have any part of an outline on them."""
+    if not counts_wide(sensor):
+        return outline.touches(x)
+    half = (0.5 - _SAME) * sensor.strip_width
+    return np.asarray((x + half > outline.lower[0, 0]) & (x - half < outline.lower[-1, 0]))
 
 
 def equivalent_ends(sensor: Sensor, outline: Outline, x: FloatArray) -> tuple[FloatArray, FloatArray]:
