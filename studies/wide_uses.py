@@ -21,7 +21,7 @@ from tacstrip.reconstruction.cramer_rao import vertex_covariance, vertex_jacobia
 from tacstrip.reconstruction.strip_width import OnWideStrips
 
 CONSTRUCTIONS = ("crs-crs", "crs-m", "cyl-crs-m")
-LAMBDAS = (0.0, 0.02, 0.1, 0.5, 2.0)  # over the width
+LAMBDAS = (0.0, 0.05, 0.2, 0.5, 2.0)  # over the width
 SHARES = (0.3, 0.6, 0.98)  # of the pitch
 USES = ("simulate", "fit", "limits", "calibrate", "networks")
 KINDS = ("corners", "steep", "narrow", "border")

@@ -75,7 +75,7 @@ class ResistiveEnds:
     >>> from tacstrip.contact.resistive_ends import ResistiveEnds
     >>> edges = np.array([[[(0, 4), (1, 4)], [(1, 8), (0, 7)]]])
     >>> [ResistiveEnds.on(edges, 12.0, lam).ends.ravel().round(3).tolist() for lam in (0.1, 0.5)]
-    [[4.0, 7.665], [4.0, 7.589]]
+    [[4.0, 7.688], [4.0, 7.609]]
     >>> ResistiveEnds.on(edges, 12.0, 0.5).slopes()[..., 1].sum(axis=(2, 3)).ravel().round(3).tolist()
     [1.0, 1.0]
     """
