@@ -151,7 +151,7 @@ def agreement(
 ) -> dict[str, FloatArray]:
     """Return errors of readings [Vref] on strips without gaps, by what is off the resolved strip.
 
-    "simulate" and "closed form" (which streams and limits take) against `wide_readings`, which networks of 64 cells
+    "simulate" and "closed form" (which streams take) against `wide_readings`, which networks of 64 cells
     and fewer, extrapolated, check as "resolved strip"; "32 cells" are plain networks.
     """
     construction, ratio = SENSORS[name]
