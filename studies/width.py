@@ -19,11 +19,11 @@ from tacstrip.arrays import FloatArray
 from tacstrip.contact.footprint import footprint
 from tacstrip.contact.shape import Contact
 from tacstrip.contact.signature import signatures
+from tacstrip.contact.slant import slant_shift
 from tacstrip.contact.strip_width import wide_ends
 from tacstrip.network.strips.resolved import mesh_limit, wide_readings
 from tacstrip.plot.theme import COLOURS, DASHES, OTHERS, add_axes, legend, new_figure
 from tacstrip.sensor.closed_form import lower_and_width
-from tacstrip.sensor.slant import slant_shift
 from tacstrip.sensor.spec import Sensor
 from tacstrip.simulation import simulate
 
@@ -151,7 +151,7 @@ def agreement(
 ) -> dict[str, FloatArray]:
     """Return errors of readings [Vref] on strips without gaps, by what is off the resolved strip.
 
-    "simulate" and "closed form" (which streams and limits take) against `wide_readings`, which networks of 64 cells
+    "simulate" and "closed form" (which streams take) against `wide_readings`, which networks of 64 cells
     and fewer, extrapolated, check as "resolved strip"; "32 cells" are plain networks.
     """
     construction, ratio = SENSORS[name]

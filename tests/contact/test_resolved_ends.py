@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from tacstrip.contact.resolved_ends import resolved_ends
-from tacstrip.sensor.slant import edge_read, slant_shift
+from tacstrip.contact.slant import edge_read, slant_shift
 
 B, L = 10.0, 400.0
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import shapely
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.special import digamma, zeta
@@ -16,9 +17,9 @@ from studies.budget import PROFILE_I
 from studies.width import RULES, edge_shift, footprints, rule_errors, steepest
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.signature import signatures
-from tacstrip.network.strips.resolved import MOST, wide_measurements, wide_readings
+from tacstrip.contact.slant import _digamma, slant_shift
+from tacstrip.network.strips.resolved import MOST, Cells, wide_measurements, wide_readings
 from tacstrip.sensor import lower_and_width
-from tacstrip.sensor.slant import _digamma, slant_shift
 
 B, L = 10.0, 100.0  # width and length of the strips [mm]
 SIZE: dict[str, Any] = {"strips": 3, "pitch_mm": B, "length_mm": L}
@@ -127,7 +128,7 @@ def test_slant_shift_between_its_limits() -> None:
     ("slope", "decay"), [(1.0, 0.05), (0.3, 0.2), (3.0, 0.2), (1.0, 0.667), (0.3, 2.0), (3.0, 2.0)]
 )
 def test_slant_shift_with_contact_resistance_is_the_networks(slope: float, decay: float) -> None:
-    assert edge_shift(slope, decay, 48) == pytest.approx(float(slant_shift(slope, decay)), abs=0.022)
+    assert edge_shift(slope, decay, 48) == pytest.approx(float(slant_shift(slope, decay)), abs=2e-3)
 
 
 def test_slant_shift_with_contact_resistance_between_its_limits() -> None:
@@ -297,3 +298,14 @@ def test_the_rules_over_random_contacts(sensor: ts.Sensor, centre: float, slant:
     expected = {"centre line": centre, "mean, slant counted": slant, "hull": hull}
     assert {rule: typical[rule] for rule in expected} == pytest.approx(expected, abs=0.001)
     assert np.max(errors["hull"][0]) < np.log(4.0) / np.pi * sensor.strip_width
+
+
+def test_cells_hold_the_areas_that_intersections_have() -> None:
+    grid = Cells(np.linspace(0.0, 5.0, 8), np.array([0.0, 1.0, 4.0, 4.5, 7.0, 10.0]))
+    area = shapely.Polygon(
+        [(0.0, 1.0), (5.0, 0.5), (4.0, 9.0), (2.0, 6.0)], [[(2.0, 2.0), (3.0, 2.0), (3.0, 4.2)]]
+    )
+    both = shapely.union(area, shapely.box(0.0, 9.0, 1.0, 9.5))
+    side, level = (np.concatenate([a[:1], 0.5 * (a[1:] + a[:-1]), a[-1:]]) for a in (grid.x, grid.y))
+    boxes = shapely.box(side[:-1], level[:-1, None], side[1:], level[1:, None])
+    np.testing.assert_allclose(grid.shares(both), shapely.area(shapely.intersection(both, boxes)), atol=1e-13)

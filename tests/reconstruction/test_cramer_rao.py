@@ -281,24 +281,28 @@ def test_without_a_closed_form_the_network_says_what_the_vertices_move() -> None
 
 
 @pytest.mark.parametrize(
-    ("construction", "vertices"),
+    ("construction", "lam", "vertices"),
     [
-        ("crs-crs", [(11, 30), (69, 30), (69, 70), (11, 70)]),
-        ("crs-crs", [(30, 20), (45, 50), (38, 75)]),
-        ("crs-m", [(30, 20), (45, 50), (38, 75)]),
+        ("crs-crs", 0.0, [(11, 30), (69, 30), (69, 70), (11, 70)]),
+        ("crs-crs", 0.0, [(30, 20), (45, 50), (38, 75)]),
+        ("crs-m", 0.0, [(30, 20), (45, 50), (38, 75)]),
+        ("crs-m", 1.0, [(30, 20), (45, 50), (38, 75)]),
+        ("crs-m", 1.0, [(22, 1), (69, 9), (69, 18), (22, 14)]),
     ],
 )
 def test_limits_of_wide_strips_are_those_of_resolved_ones(
-    construction: str, vertices: list[tuple[float, float]]
+    construction: str, lam: float, vertices: list[tuple[float, float]]
 ) -> None:
     """A vertex that moves by its deviation moves readings as `wide_readings` say, to 1e-4 of Vref.
 
     Strips that corners lie on or that are covered in part were off by 1.2e-3 and 1e-2, on metal by 3e-4.
     """
-    sensor = a_sensor(construction=construction, strips=16, pitch_mm=5.0, strip_width_mm=4.0)
+    sensor = a_sensor(
+        construction=construction, strips=16, pitch_mm=5.0, strip_width_mm=4.0, contact_lambda_mm=lam
+    )
     outline = Outline.of(vertices)
-    slope = vertex_jacobian(outline, sensor, resolved=True)
-    deviation = np.sqrt(np.diag(vertex_covariance(outline, sensor, 0.003, resolved=True)))
+    slope = vertex_jacobian(outline, sensor)
+    deviation = np.sqrt(np.diag(vertex_covariance(outline, sensor, 0.003)))
     step = 0.02
     for at in range(slope.shape[1]):
         read = []

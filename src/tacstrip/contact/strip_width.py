@@ -10,15 +10,12 @@ import numpy as np
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.contact.footprint import footprint, on_sensor
 from tacstrip.contact.shape import Contact
-from tacstrip.sensor.slant import PARTS, edge_read
+from tacstrip.contact.slant import PARTS, STEEPEST, edge_read
 from tacstrip.sensor.spec import Sensor
 
 _STRAIGHT = 1e-3  # of the width: an edge that bends by less is straight
 _LONG = 2.0  # widths: over a shorter contact both edges know of each other
 _LENGTHS = 4.0  # and so many lambda
-# Of L: so much of the strip's length the closed form of a slant may be off with contact resistance.
-_EXACT = 2e-4
-_SLANT_ERROR = 0.021  # of the width, see `slant_shift`
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,14 +58,22 @@ def wide_ends(sensor: Sensor, contacts: Sequence[Contact]) -> WideEnds:
             low[inside, :, line], high[inside, :, line] = l, u
     read = edge_read(low, width, -1.0, lam), edge_read(high, width, 1.0, lam)
     l, u = (np.clip(end, 0.0, sensor.length_mm) for end in read)
-    bent = np.maximum(*(np.abs(np.diff(edge, 2, axis=-1)).max(axis=-1) for edge in (low, high)))
-    steep = np.maximum(*(np.ptp(edge, axis=-1) for edge in (low, high)))
-    closed = (high - low).min(axis=-1) >= _LONG * width + _LENGTHS * lam
-    near = np.minimum(low.min(axis=-1), sensor.length_mm - high.max(axis=-1)) < _LONG * width
-    slanted = steep > _STRAIGHT * width
-    exact = (bent <= _STRAIGHT * width) & closed & ~(near & slanted)
-    if lam > 0.0 and _SLANT_ERROR * width > _EXACT * sensor.length_mm:
-        exact &= ~slanted
+    exact = closed_form_fits(sensor, low, high)
     touched = np.isfinite(l)
     u = np.where(touched, np.maximum(l, u), np.nan)
     return WideEnds(l, u, np.asarray(exact & touched))
+
+
+def closed_form_fits(sensor: Sensor, low: FloatArray, high: FloatArray) -> BoolArray:
+    """Whether strips under edges at even places across the width (..., places) [mm] read as `edge_read` says (...).
+
+    They do if covered over the whole width by straight edges that are level, or far from each other and the border.
+    """
+    width, lam = sensor.strip_width, sensor.contact_lambda_mm
+    bent = np.maximum(*(np.abs(np.diff(edge, 2, axis=-1)).max(axis=-1, initial=0.0) for edge in (low, high)))
+    steep = np.maximum(*(np.ptp(edge, axis=-1) for edge in (low, high)))
+    apart = (high - low).min(axis=-1) >= _LONG * width + _LENGTHS * lam
+    border = np.minimum(low.min(axis=-1), sensor.length_mm - high.max(axis=-1)) >= _LONG * width
+    steepest = STEEPEST * width if lam > 0.0 else np.inf
+    level = steep <= _STRAIGHT * width
+    return np.asarray((bent <= _STRAIGHT * width) & (level | apart & border & (steep < steepest)))

@@ -47,7 +47,7 @@ def area_limit(sensor: Sensor, outline: Outline, noise: Noise, limit: Limit) -> 
     """Return the least standard error of the area, relative to it, from the signatures of a limit."""
     if not is_round(outline):
         return deviations(outline.vertices, limit.covariance)[0] / area(outline.vertices)
-    slopes = vertex_jacobian(outline, sensor, limit.signatures, resolved=True) / reading_sigma(noise, sensor)
+    slopes = vertex_jacobian(outline, sensor, limit.signatures) / reading_sigma(noise, sensor)
     return area_bound(outline, sensor, slopes)
 
 

@@ -108,9 +108,7 @@ def limits(sensor: Sensor, outline: Outline, noise: Noise) -> list[Limit]:
     subsets: list[tuple[str, ...]] = [(name,) for name in sensor.signatures]
     if len(subsets) > 1:
         subsets.append(sensor.signatures)
-    return [
-        Limit(names, vertex_covariance(outline, sensor, sigma, names, resolved=True)) for names in subsets
-    ]
+    return [Limit(names, vertex_covariance(outline, sensor, sigma, names)) for names in subsets]
 
 
 def places(sensor: Sensor, outline: Outline, columns: int, rows: int) -> tuple[FloatArray, FloatArray]:

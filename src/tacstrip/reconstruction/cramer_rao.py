@@ -21,7 +21,7 @@ from tacstrip.reconstruction.noise_covariance import (
     reading_variance,
     signature_jacobians,
 )
-from tacstrip.reconstruction.strip_width import across, end_slopes, equivalent_ends, resolved_slopes
+from tacstrip.reconstruction.strip_width import OnWideStrips, counts_wide, touched
 from tacstrip.sensor.left_out import left_out
 from tacstrip.sensor.spec import Sensor
 
@@ -41,7 +41,6 @@ def vertex_jacobian(
     sensor: Sensor,
     signatures: Iterable[str] | None = None,
     x_mm: npt.ArrayLike | None = None,
-    resolved: bool = False,
 ) -> FloatArray:
     """Return the slopes of readings by `vertices.ravel()` (readings, 2 V) [1/mm]; arguments as `vertex_covariance`.
 
@@ -51,21 +50,14 @@ def vertex_jacobian(
     """
     names = tuple(map(sensor.check_signature, sensor.signatures if signatures is None else signatures))
     x = sensor.x_mm if x_mm is None else np.asarray(x_mm, dtype=float)
-    lines = across(sensor, x)  # (n, lines)
-    touched = outline.touches(lines)
-    reached = touched.any(axis=1)
-    x, lines, touched = x[reached], lines[reached], touched[reached]
+    x = x[touched(sensor, outline, x)]
     if not sensor.kind.closed_form:
         return _network_slopes(outline, sensor, names, x)
-    share = (touched / touched.sum(axis=1, keepdims=True))[..., None]
-    each = (slope.reshape(*lines.shape, slope.shape[-1]) for slope in outline.jacobian(lines.ravel()))
-    by_l, by_u = ((np.nan_to_num(slope) * share).sum(axis=1) for slope in each)
-    l, u = _ends(sensor, outline, x)
-    if lines.shape[1] > 1:  # of a strip that is covered in part, the mean height is all that is counted
-        covered = touched.all(axis=1)
-        by_l[covered], by_u[covered] = end_slopes(sensor, outline, x[covered])
-        for strip, ends, slopes in resolved_slopes(sensor, outline, x) if resolved else ():
-            (l[strip], u[strip]), (by_l[strip], by_u[strip]) = ends, slopes
+    if counts_wide(sensor):
+        wide = OnWideStrips(sensor, outline, x)
+        (l, u), (by_l, by_u) = wide.ends, wide.slopes()
+    else:
+        (l, u), (by_l, by_u) = outline.ends(x), outline.jacobian(x)
     of_ends = signature_jacobians(sensor, l, u)
     pairs = [(*of_ends[n], _read(sensor, n, x)) for n in names]
     return np.concatenate([(a[:, None] * by_l + b[:, None] * by_u)[there] for a, b, there in pairs])
@@ -73,8 +65,10 @@ def vertex_jacobian(
 
 def _ends(sensor: Sensor, outline: Outline, x_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return l and u (n,) [mm] of strips that are touched, or of wide ones what a line would have to read the same."""
-    line = across(sensor, x_mm[:1]).shape[1] == 1
-    return outline.ends(x_mm) if line else equivalent_ends(sensor, outline, x_mm)
+    if not counts_wide(sensor):
+        return outline.ends(x_mm)
+    l, u = OnWideStrips(sensor, outline, x_mm).ends
+    return l, u
 
 
 def _read(sensor: Sensor, signature: str, x_mm: FloatArray) -> BoolArray:
@@ -97,7 +91,6 @@ def vertex_covariance(
     sigma: float | Noise,
     signatures: Iterable[str] | None = None,
     x_mm: npt.ArrayLike | None = None,
-    resolved: bool = False,
 ) -> FloatArray:
     """Return the bound of the vertices' covariance (2 V, 2 V) [mm^2], in the order of `vertices.ravel()`.
 
@@ -117,8 +110,6 @@ def vertex_covariance(
     x_mm
         Centre lines of the strips that are read [mm]; all of the sensor's by default. Strips that the outline
         does not touch are left out.
-    resolved
-        Whether wide strips with a corner on them or covered in part are resolved across their width; some .1 to .3 s.
 
     Returns
     -------
@@ -143,14 +134,13 @@ def vertex_covariance(
     >>> bound.shape, round(ts.vertex_rms(bound), 3)
     ((8, 8), 0.088)
     """
-    slopes = vertex_jacobian(outline, sensor, signatures, x_mm, resolved)
+    slopes = vertex_jacobian(outline, sensor, signatures, x_mm)
     if not isinstance(sigma, Noise):
         return covariance_with_x_priors(outline, sensor, slopes / checked_sigma(sigma))
     checked_sigma(reading_sigma(sigma, sensor) + sigma.edge_mm + sigma.gain)
     names = tuple(sensor.signatures if signatures is None else signatures)
     x = sensor.x_mm if x_mm is None else np.asarray(x_mm, dtype=float)
-    lines = across(sensor, x)
-    x = x[outline.touches(lines).any(axis=1)]
+    x = x[touched(sensor, outline, x)]
     errors = reading_covariance(sigma, sensor, x, _ends(sensor, outline, x), names, Averaging())
     read = np.concatenate([_read(sensor, name, x) for name in names])
     errors = errors[np.ix_(read, read)]

@@ -24,6 +24,7 @@ from shapely.geometry.base import BaseGeometry
 from tacstrip.arguments import takes
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.contact.footprint import on_sensor
+from tacstrip.contact.resistive_ends import ResistiveEnds, edges_on
 from tacstrip.contact.resolved_ends import resolved_ends
 from tacstrip.contact.shape import Contact
 from tacstrip.contact.signature import signatures
@@ -265,11 +266,15 @@ def wide_readings(
     if across is not None:
         return solved(sensor, wide_measurements(sensor, contact, across, strips=strips))
     strips = range(sensor.strips) if strips is None else list(strips)
-    read, rest = _without_cells(sensor, contact, strips)
-    if not rest:
+    l, u = np.full((2, sensor.strips), np.nan)
+    shapes = _conducting(sensor, contact)
+    (_by_cosines if sensor.contact_lambda_mm > 0.0 else _by_charges)(sensor, shapes, strips, l, u)
+    rest = [strip for strip in strips if np.isnan(l[strip])]
+    empty = {name: np.full(sensor.strips, np.nan) for name in sensor.signatures}
+    read = signatures(sensor, l, u) if len(rest) < sensor.strips else empty
+    if sensor.contact_lambda_mm > 0.0 or not rest:
         return read
-    finest = _cells_across(sensor)
-    meshes = (finest // 4, finest // 2, finest)
+    meshes = (_FEWEST // 4, _FEWEST // 2, _FEWEST)
     coarse, middle, fine = (
         solved(sensor, wide_measurements(sensor, contact, n, strips=rest)) for n in meshes
     )
@@ -279,21 +284,44 @@ def wide_readings(
     }
 
 
-def _without_cells(
-    sensor: Sensor, contact: Contact, strips: Iterable[int]
-) -> tuple[dict[str, FloatArray], list[int]]:
-    """Return the readings of strips by boundary integrals, NaN where these do not serve, and those strips."""
-    l, u = np.full((2, sensor.strips), np.nan)
-    rest = list(strips)
-    if sensor.kind.closed_form and sensor.contact_lambda_mm == 0.0:
-        shapes = on_sensor(sensor, contact).shapes
-        for strip in rest:
-            ends = resolved_ends(shapes, float(sensor.x_mm[strip]), sensor.strip_width, sensor.length_mm)
-            if ends is not None:
-                l[strip], u[strip] = ends
-        rest = [strip for strip in rest if np.isnan(l[strip])]
-    empty = {name: np.full(sensor.strips, np.nan) for name in sensor.signatures}
-    return (signatures(sensor, l, u) if len(rest) < sensor.strips else empty), rest
+def _by_cosines(
+    sensor: Sensor, shapes: Sequence[BaseGeometry], strips: Sequence[int], l: FloatArray, u: FloatArray
+) -> None:
+    """Set l and u (strips,) [mm] on thin strips of the same lambda that read the same, of `strips` that are touched."""
+    width, length = sensor.strip_width, sensor.length_mm
+    on = {i: on_strip(shapes, float(sensor.x_mm[i]), width, length) for i in strips}
+    touched = [i for i, area in on.items() if not area.is_empty]
+    if touched:
+        left = np.stack([sensor.x_mm[touched] - 0.5 * width, np.zeros(len(touched))], axis=1)
+        edges = (edges_on([on[i] for i in touched]) - left[:, None, None]) / width
+        l[touched], u[touched] = (
+            width * ResistiveEnds.on(edges, length / width, sensor.contact_lambda_mm / width).ends
+        )
+
+
+def _by_charges(
+    sensor: Sensor, shapes: Sequence[BaseGeometry], strips: Sequence[int], l: FloatArray, u: FloatArray
+) -> None:
+    """Set l and u (strips,) [mm] of ideal contact on a thin strip, of those of `strips` where charges serve."""
+    for i in strips:
+        ends = resolved_ends(shapes, float(sensor.x_mm[i]), sensor.strip_width, sensor.length_mm)
+        if ends is not None:
+            l[i], u[i] = ends
+
+
+def _conducting(sensor: Sensor, contact: Contact) -> tuple[BaseGeometry, ...]:
+    """Return what of a contact is on the sensor; errors as of `wide_measurements`."""
+    if not sensor.kind.closed_form:
+        raise NetworkError(
+            f"a {sensor.kind.name} sensor's strips are coupled by the sheet: no strip stands alone"
+        )
+    lam = sensor.contact_lambda_mm
+    thin = [s for s in contact.shapes if s.area == 0.0 and (lam > 0.0 or s.length == 0.0)]
+    if thin:
+        what = "point" if thin[0].length == 0.0 else "line"
+        why = "has no area to conduct over" if thin[0].length else "reads its own y on a strip of any width"
+        raise ContactError(f"a {what} {why}: give an area, or take footprint() and the centre-line model")
+    return on_sensor(sensor, contact).shapes
 
 
 def mesh_limit(coarse: FloatArray, middle: FloatArray, fine: FloatArray) -> FloatArray:
@@ -336,18 +364,9 @@ def wide_measurements(
     OptionError
         `across` is not a whole number, 1 to 256.
     """
-    if not sensor.kind.closed_form:
-        raise NetworkError(
-            f"a {sensor.kind.name} sensor's strips are coupled by the sheet: no strip stands alone"
-        )
-    lam, width = sensor.contact_lambda_mm, sensor.strip_width
+    width = sensor.strip_width
+    shapes = _conducting(sensor, contact)
     across = check_count("across", _cells_across(sensor) if across is None else across, MOST)
-    thin = [s for s in contact.shapes if s.area == 0.0 and (lam > 0.0 or s.length == 0.0)]
-    if thin:
-        what = "point" if thin[0].length == 0.0 else "line"
-        why = "has no area to conduct over" if thin[0].length else "reads its own y on a strip of any width"
-        raise ContactError(f"a {what} {why}: give an area, or take footprint() and the centre-line model")
-    shapes = on_sensor(sensor, contact).shapes
     result = {}
     for strip in map(int, range(sensor.strips) if strips is None else strips):
         x = float(sensor.x_mm[strip])

@@ -17,10 +17,10 @@ import shapely
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.contact.shape import Contact
 from tacstrip.contact.signature import signatures
+from tacstrip.contact.slant import edge_read
 from tacstrip.errors import ContactError
 from tacstrip.reconstruction.noise_covariance import signature_jacobians
 from tacstrip.reconstruction.strip_width import across
-from tacstrip.sensor.slant import edge_read
 from tacstrip.sensor.spec import Sensor
 
 STARTS = 48  # angles

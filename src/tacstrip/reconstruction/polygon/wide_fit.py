@@ -25,7 +25,7 @@ from tacstrip.errors import ContactError
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.noise_covariance import signature_jacobians
 from tacstrip.reconstruction.polygon.run import MOST_SIGMA, ModelInMm, RunFit
-from tacstrip.reconstruction.strip_width import WithCorners, remove_width_effect
+from tacstrip.reconstruction.strip_width import OnWideStrips, remove_width_effect
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
 
@@ -51,12 +51,12 @@ class _Task:
     root_weight: FloatArray
     expected: tuple[float, float]  # x of the left and the right end [mm], known to a pitch
 
-    def read(self, outline: Outline, near: WithCorners | None = None) -> tuple[WithCorners, FloatArray]:
+    def read(self, outline: Outline, near: OnWideStrips | None = None) -> tuple[OnWideStrips, FloatArray]:
         """Return the outline on the strips, and the readings (S, n); from those of one `near` by where these tell."""
         half, reach = 0.5 * self.sensor.strip_width, self.x[self.used][[0, -1]]
         if outline.lower[0, 0] > reach[0] + half or outline.lower[-1, 0] < reach[1] - half:
             raise ContactError("a strip that reads is not touched")
-        wide = WithCorners(self.sensor, outline, self.x, near)
+        wide = OnWideStrips(self.sensor, outline, self.x, near)
         made = signatures(self.sensor, *wide.ends)
         return wide, np.stack([made[name] for name in self.names])
 
@@ -76,9 +76,9 @@ class _Task:
         """1 / the deviation of an end's x [1/mm]."""
         return math.sqrt(12.0) / self.sensor.pitch_mm
 
-    def slopes(self, wide: WithCorners, free: IntArray, place: IntArray) -> FloatArray:
+    def slopes(self, wide: OnWideStrips, free: IntArray, place: IntArray) -> FloatArray:
         """Return the slopes of the readings over their sigma by the free coordinates (S n, F) [1/mm]."""
-        by_end = wide.slopes(self.used) @ np.equal(place[:, None], np.arange(len(free))).astype(float)
+        by_end = wide.slopes() @ np.equal(place[:, None], np.arange(len(free))).astype(float)
         of_ends = signature_jacobians(self.sensor, *wide.ends)
         by_reading = np.stack([np.einsum("en,enf->nf", np.stack(of_ends[n]), by_end) for n in self.names])
         weighted = np.where(self.root_weight > 0.0, self.root_weight, 0.0)[..., None] * by_reading
@@ -178,7 +178,7 @@ def contradicted_by_outer_strip(
     made = np.stack([*signatures(sensor, ends.l[:, out], ends.u[:, out]).values()])  # (S, contacts, out)
     read = np.stack([scan[name][out] for name in scan.signatures])
     spread = np.nanstd(made, axis=1) if np.isfinite(made).any() else np.zeros_like(read)
-    resolved = signatures(sensor, *WithCorners(sensor, outline, sensor.x_mm[out]).ends)
+    resolved = signatures(sensor, *OnWideStrips(sensor, outline, sensor.x_mm[out]).ends)
     off = np.nan_to_num(np.abs(read - np.stack([*resolved.values()])))
     if (off <= _EXPLAINED * np.hypot(sigma, np.nan_to_num(spread))).all():
         return ""

@@ -8,11 +8,14 @@ import numpy as np
 import numpy.typing as npt
 
 from tacstrip.arrays import FloatArray
+from tacstrip.contact.resistive_ends import ResistiveEnds
 
 PARTS = 16  # of a strip's width
 _ANGLES = 512  # of the table of shifts
-_FLAT = 1e-4  # slope below which an edge is straight
-_SPREAD = (12.07, 0.883, 15.39, -1.938)  # fitted to networks, slopes up to 6, lambda / b from .05 to 2
+STEEPEST = 16.0  # slope that is solved for, with contact resistance
+_STEEPER = 50.0  # in the table
+_NODES = 16  # slopes that are solved for
+_AWAY, _AWAY_LAMBDA = 3.0, 20.0  # widths and lambdas between an edge and what else there is
 
 
 def slant_shift(slope: npt.ArrayLike, decay: float = 0.0) -> FloatArray:
@@ -30,20 +33,38 @@ def slant_shift(slope: npt.ArrayLike, decay: float = 0.0) -> FloatArray:
     Under ideal contact it is exact, by mapping the strip with its slanted end onto one with a straight end (Schwarz
     and Christoffel): with a = 1/2 - arctan(slope) / pi, -(gamma + ln 4 + (psi(a) + psi(1 - a)) / 2) / pi. It is .271
     slope^2 where that is small, ln 2 / pi at 45 degrees, and ln 4 / pi = .441 below the edge's furthest point,
-    slope / 2, where that is large. With contact resistance the contact conducts the more the wider it covers the strip:
-    where potentials are alike across the width an Airy equation, from lambda = b / 2 on within .03 b for slopes up to
-    2. Between the two a share of their difference at lambda = 0, fitted to `network.wide`: within .021 b for slopes up
-    to 6, .005 b root mean square.
+    slope / 2, where that is large. With contact resistance it is less, and solved for (`resistive_ends`) at some
+    slopes up to 16, between which it is interpolated: within 5e-4 b. Beyond, how far from the furthest point it
+    reads goes on with a power of the slope.
     """
     steep = np.abs(np.asarray(slope, dtype=float))
-    a = 0.5 - np.arctan(steep) / np.pi
-    ideal = -(np.euler_gamma + np.log(4.0) + 0.5 * (_digamma(a) + _digamma(1.0 - a))) / np.pi
     if decay <= 0.0:
-        return np.asarray(ideal)
-    steep = np.maximum(steep, _FLAT)
-    p, q, r, power = _SPREAD
-    share = 1.0 / (1.0 + (p + q / steep) * decay + r * steep**power * decay**2)
-    return np.asarray(decay - _alike_across(steep, decay) - (0.5 * steep - ideal) * share)
+        a = 0.5 - np.arctan(steep) / np.pi
+        return np.asarray(-(np.euler_gamma + np.log(4.0) + 0.5 * (_digamma(a) + _digamma(1.0 - a))) / np.pi)
+    return np.asarray(0.5 * steep + _below_furthest(steep, decay))
+
+
+def _below_furthest(steep: FloatArray, decay: float) -> FloatArray:
+    """Return how far beyond the edge's furthest point it reads (...), which is negative."""
+    within = np.minimum(steep, STEEPEST)
+    at = 2.0 * np.arcsinh(within) / np.arcsinh(STEEPEST) - 1.0
+    coefficients, power = _solved(decay)
+    found = within * np.polynomial.chebyshev.chebval(at, coefficients)
+    return np.asarray(found * np.maximum(steep / STEEPEST, 1.0) ** power)
+
+
+@lru_cache(maxsize=8)
+def _solved(decay: float) -> tuple[FloatArray, float]:
+    """Return Chebyshev coefficients of that over the slope, in arsinh(slope), and its power at the steepest."""
+    node = np.cos(np.pi * (np.arange(_NODES) + 0.5) / _NODES)
+    slope = np.sinh(0.5 * (node + 1.0) * np.arcsinh(STEEPEST))
+    away = _AWAY + _AWAY_LAMBDA * decay
+    edges = [[[(0.0, away), (1.0, away)], [(1.0, 2.0 * away + s), (0.0, 2.0 * away)]] for s in slope]
+    ends = ResistiveEnds.on(np.array(edges), 3.0 * away + STEEPEST, decay).ends
+    below = ends[1] - 2.0 * away - slope
+    coefficients = np.polynomial.chebyshev.chebfit(node, below / slope, _NODES - 1)
+    (steep, steeper), (low, high) = np.log(slope[1::-1]), np.log(-below[1::-1])
+    return np.asarray(coefficients), float((high - low) / (steeper - steep))
 
 
 def _digamma(x: FloatArray) -> FloatArray:
@@ -85,22 +106,6 @@ def edge_read(height: FloatArray, width_mm: float, sign: float, contact_lambda_m
 @lru_cache(maxsize=8)
 def _table(decay: float) -> tuple[FloatArray, FloatArray]:
     """Return angles, and how far from the edge's furthest point, over the width, such edges read: that is smooth."""
-    angle = np.linspace(0.0, np.arctan(50.0), _ANGLES)
+    angle = np.linspace(0.0, np.arctan(_STEEPER), _ANGLES)
     slope = np.tan(angle)
     return angle, slant_shift(slope, decay) - 0.5 * slope
-
-
-def _alike_across(steep: FloatArray, decay: float) -> FloatArray:
-    """Return where an edge reads, from its middle into the contact and over b, potentials alike across the width.
-
-    d'' = c d / lambda^2, with c growing from 0 to 1 over the edge's height h = slope b, and d linear beside the
-    contact: an Airy equation over the edge, an exponential beyond. Scaled functions, for h / lambda may be large.
-    """
-    from scipy.special import airy, airye
-
-    unit = np.cbrt(steep * decay**2)
-    t = steep / unit
-    ai, ai_slope, bi, bi_slope = airye(t)
-    part = -(ai_slope / unit + ai / decay) / (bi_slope / unit + bi / decay) * np.exp(-4.0 / 3.0 * t**1.5)
-    ai, ai_slope, bi, bi_slope = airy(0.0)
-    return np.asarray(-0.5 * steep - unit * (ai + part * bi) / (ai_slope + part * bi_slope))
