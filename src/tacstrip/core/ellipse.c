@@ -101,12 +101,14 @@ double tacstrip_fit_ellipse(const Problem *s, const Polygon *start, double wante
     if (!factor(small, 5)) break;
     solve(small, 5, step);
     for (int i = 0; i < 5; i++) trial[i] = p[i] + step[i];
-    trial[0] = clip(trial[0], -half, half);
-    trial[1] = clip(trial[1], 1.0 - half, 1.0 + half);
+    /* Outer strips that it no longer covers, or one without height, would tell no more where it is: at most half of the way
+       there. */
+    trial[0] = clip(trial[0], -half, 0.5 * (p[0] + half));
+    trial[1] = clip(trial[1], 0.5 * (p[1] + 1.0 - half), 1.0 + half);
     trial[2] = clip(trial[2], 0.0, 1.0);
     double room = smaller(trial[2], 1.0 - trial[2]);
     trial[3] = clip(trial[3], -room, room);
-    trial[4] = clip(trial[4], 0.0, 0.5);
+    trial[4] = clip(trial[4], 0.5 * p[4], 0.5);
     double now = equations(s, trial, other, other_g), gain = cost - now;
     if (gain >= 0.0) {
       for (int i = 0; i < 5; i++) {

@@ -198,10 +198,13 @@ def plain_fit_ellipse(start: PolygonFit, problem: FitProblem, wanted: float = np
     for _ in range(_STEPS):
         small = matrix + np.diag(damping * matrix.diagonal() + _ALWAYS)
         trial = p + np.linalg.solve(small, gradient)
-        trial[:2] = np.clip(trial[:2], *_window(half))
+        # Outer strips that it no longer covers, or one without height, would tell no more where it is: at most half of
+        # the way there.
+        trial[0] = np.clip(trial[0], -half, 0.5 * (p[0] + half))
+        trial[1] = np.clip(trial[1], 0.5 * (p[1] + 1.0 - half), 1.0 + half)
         trial[2] = np.clip(trial[2], 0.0, 1.0)
         room = min(trial[2], 1.0 - trial[2])
-        trial[3:] = np.clip(trial[3:], (-room, 0.0), (room, 0.5))
+        trial[3:] = np.clip(trial[3:], (-room, 0.5 * p[4]), (room, 0.5))
         new = _normal_equations(trial, problem)
         gain = cost - new[0]
         if gain >= 0.0:
