@@ -202,8 +202,11 @@ def plain_fit_ellipse(start: PolygonFit, problem: FitProblem, wanted: float = np
         for i in np.flatnonzero(np.where(gradient[:2] < 0.0, p[:2] <= least, p[:2] >= most)):
             small[i], small[:, i], small[i, i], step[i] = 0.0, 0.0, 1.0, 0.0
         goal = p + np.linalg.solve(small, step)
-        trial = np.clip(goal, (-half, _towards(1.0 - half, p[1], half), 0.0, -np.inf, 0.5 * p[4]),
-                        (_towards(half, p[0], half), 1.0 + half, 1.0, np.inf, 0.5))
+        trial = np.clip(
+            goal,
+            (-half, _towards(1.0 - half, p[1], half), 0.0, -np.inf, 0.5 * p[4]),
+            (_towards(half, p[0], half), 1.0 + half, 1.0, np.inf, 0.5),
+        )
         on_its_way = (trial[:2] != goal[:2]).any()
         room = min(trial[2], 1.0 - trial[2])
         trial[3] = np.clip(trial[3], -room, room)
