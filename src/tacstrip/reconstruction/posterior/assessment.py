@@ -221,7 +221,7 @@ def _drawn_instead(
     chosen: _Chosen, run: RunFit, drawn: Draws, every: FloatArray, known_count: int | None, told: bool,
     short: bool, misses: bool,
 ) -> _Chosen:  # fmt: skip
-    """Return the draw that overlaps the others best, where that is surer; the mean would be none that readings allow."""
+    """Return the draw that overlaps the others best where that is surer; their mean would be none of them."""
     fitting = drawn.fitting(known_count)
     if not fitting.any():
         return chosen
