@@ -62,6 +62,20 @@ def test_orientation_of_a_near_square_may_be_that_of_the_other_axis() -> None:
     assert 1.96 * m.deviations(longer, covariance, (0, 2))[2] < 0.05 * math.pi
 
 
+def test_a_small_difference_of_the_axes_is_as_likely_as_a_large_one() -> None:
+    """Of what is turned anyhow and as long over wide as any, what reads like 21 x 20 mm: how it may be turned."""
+    covariance, random = 0.2 * np.eye(8), np.random.default_rng(2)
+    seen = np.array([(0.0, 0.0), (21.0, 0.0), (21.0, 20.0), (0.0, 20.0)])
+    xx, yy, _ = m.moments(seen)[2]
+    slopes = m.moment_jacobian(seen)[3:]
+    size, angle = random.uniform(0.0, 6.0 * (xx - yy), 400_000), random.uniform(-0.5, 0.5, 400_000) * np.pi
+    off = np.stack([size * np.cos(2.0 * angle) - (xx - yy), size * np.sin(2.0 * angle)])
+    weight = np.exp(-0.5 * (off * np.linalg.solve(slopes @ covariance @ slopes.T, off)).sum(axis=0))
+    turned = np.quantile(np.abs(angle), 0.95, weights=weight, method="inverted_cdf")
+    assert turned < 0.4 * np.pi
+    assert 1.96 * m.deviations(seen, covariance)[2] == pytest.approx(turned, rel=0.03)
+
+
 def test_what_the_vertices_leave_open_stays_open() -> None:
     open_x = np.diag([np.inf] + [1.0] * 7)
     open_x[0, 1:] = open_x[1:, 0] = np.nan

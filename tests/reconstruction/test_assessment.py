@@ -102,8 +102,8 @@ def test_an_ellipse_at_the_border_may_be_cut_off_there() -> None:
         assert found.model is Ellipse
         assert found.confidence is not None
         confidences.append(found.confidence)
-    at_border, away = confidences
-    assert at_border < ENOUGH_OF_ONE["fast"] < away
+    at_border, away = (np.log(c / (1.0 - c)) for c in confidences)  # log odds
+    assert away > at_border + 2.0
 
 
 def test_advice_asks_for_a_second_signature_only_where_the_sensor_has_one() -> None:

@@ -487,13 +487,13 @@ def test_wide_strips_are_read_over_their_width_and_never_for_sure() -> None:
     assert np.median(off, axis=0)[1] < 0.5 * np.median(off, axis=0)[0]
 
 
-@pytest.mark.parametrize("seed", [0, 1])
-def test_x_is_uncertain_where_a_strip_may_just_graze_an_upright_edge(seed: int) -> None:
+@pytest.mark.parametrize(("seed", "edge_mm"), [(0, 0.0), (1, 0.0), (1, 0.02)])
+def test_x_is_uncertain_where_a_strip_may_just_graze_an_upright_edge(seed: int, edge_mm: float) -> None:
     """The best fit grazes it, the truth is .36 mm off: by the slopes alone that was 45 deviations."""
     sensor = ts.Sensor(construction="crs-crs", strips=6, pitch_mm=8.0, length_mm=40.0)
     shape = ts.Contact.polygon([(0, 0), (17.5, 0), (17.5, 8.1), (0, 8.1)])
     scan = ts.simulate(sensor, shape.turned(-0.06).placed(12.1, 20.0), NOISE, rng=seed)
-    (found,) = ts.fit_object(scan, sensor, shape, NOISE).objects
+    (found,) = ts.fit_object(scan, sensor, shape, NOISE, edge_mm=edge_mm).objects
     chi_square = []
     for pose in (found.pose, *(a.pose for a in found.alternatives)):
         if pose is not None:

@@ -34,8 +34,8 @@ def test_odds_are_found_again_whatever_a_terms_unit() -> None:
 
 @pytest.mark.skipif(exported("sample_outlines") is None, reason="only the compiled core samples")
 def test_a_regular_outline_is_judged_by_what_it_leaves_itself() -> None:
-    """A disc whose best polygon leaves residuals that hang together, noise unknown."""
-    case = cases.convex(cases.rng("convex", 861, 636))
+    """A segment of a disc, whose best polygon leaves residuals that hang together; noise unknown."""
+    case = cases.rounded(cases.rng("rounded", 861, 768))
     found = ts.fit_polygon(case.unit.scan(case.read), case.unit.sensor).objects[0]
     assert found.model is FamilyOutline
     assert found.status == "ok"

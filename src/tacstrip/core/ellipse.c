@@ -6,6 +6,7 @@
 #define ENOUGH 1e-2 /* the gain in chi square that ends a descent */
 #define HOPE 4.0    /* a descent will not gain more than so many times what its last step did */
 #define STEEP 0.03  /* sqrt(1 - t^2) of the place nearest to an end where the slope is taken */
+#define NEAR 0.02   /* of half a pitch: nearer to the inner bound of its window an end may step onto it */
 #define ALWAYS 1e-9 /* added to the normal matrix */
 
 typedef double Square[5][5];
@@ -86,6 +87,13 @@ static void begin(const Polygon *polygon, double *p) {
   p[4] = clip(0.5 * thick, 0.15, 0.4);
 }
 
+/* How near to the inner bound of its window an end may go: half of the way, and there when nearly there. Outer strips that
+   the ellipse no longer covers would tell no more where it is. */
+static double towards(double bound, double at, double half) {
+  double middle = 0.5 * (at + bound);
+  return magnitude(bound - middle) < NEAR * half ? bound : middle;
+}
+
 double tacstrip_fit_ellipse(const Problem *s, const Polygon *start, double wanted, double *p, double *information) {
   Square a, other;
   Matrix small;
@@ -98,15 +106,24 @@ double tacstrip_fit_ellipse(const Problem *s, const Polygon *start, double wante
       for (int j = i; j < 5; j++) small[i][j] = a[i][j];
       small[i][i] += damping * a[i][i] + ALWAYS;
     }
+    for (int i = 0; i < 2; i++) {
+      double from = (double)i - half, to = (double)i + half;
+      if (g[i] < 0.0 ? p[i] > from : p[i] < to) continue;
+      for (int j = 0; j < 5; j++) small[j < i ? j : i][j < i ? i : j] = 0.0;
+      small[i][i] = 1.0;
+      step[i] = 0.0;
+    }
     if (!factor(small, 5)) break;
     solve(small, 5, step);
     for (int i = 0; i < 5; i++) trial[i] = p[i] + step[i];
-    trial[0] = clip(trial[0], -half, half);
-    trial[1] = clip(trial[1], 1.0 - half, 1.0 + half);
+    double left = trial[0], right = trial[1];
+    trial[0] = clip(left, -half, towards(half, p[0], half));
+    trial[1] = clip(right, towards(1.0 - half, p[1], half), 1.0 + half);
+    int on_its_way = trial[0] != left || trial[1] != right;
     trial[2] = clip(trial[2], 0.0, 1.0);
     double room = smaller(trial[2], 1.0 - trial[2]);
     trial[3] = clip(trial[3], -room, room);
-    trial[4] = clip(trial[4], 0.0, 0.5);
+    trial[4] = clip(trial[4], 0.5 * p[4], 0.5);
     double now = equations(s, trial, other, other_g), gain = cost - now;
     if (gain >= 0.0) {
       for (int i = 0; i < 5; i++) {
@@ -116,7 +133,7 @@ double tacstrip_fit_ellipse(const Problem *s, const Polygon *start, double wante
       }
       cost = now;
       damping = larger(0.1 * damping, 1e-9);
-      if (gain < ENOUGH || cost - HOPE * gain > wanted) break;
+      if (gain < ENOUGH || (cost - HOPE * gain > wanted && !on_its_way)) break;
     } else {
       damping *= 8.0;
       if (damping > 1e8) break;

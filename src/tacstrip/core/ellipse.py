@@ -24,6 +24,7 @@ _CHORD = np.pi / (_POINTS + 1)  # angle between two of them
 _SAME_AREA = np.sqrt(_CHORD / np.sin(_CHORD))  # so much further out chords hold the ellipse's area
 _STEEP = 0.03  # sqrt(1 - t^2) of the place nearest to an end where its slope is taken
 _ALWAYS = 1e-9  # added to the normal matrix
+_NEAR = 0.02  # of half a pitch: nearer to the inner bound of its window an end may step onto it
 _PLACES, _REACH = 7, 4.0  # of an end's x that are integrated over, within so many deviations
 
 
@@ -195,26 +196,42 @@ def plain_fit_ellipse(start: PolygonFit, problem: FitProblem, wanted: float = np
     p = _begin(start)
     half, damping = 0.5 * problem.pitch, 1e-3
     cost, matrix, gradient = _normal_equations(p, problem)
+    least, most = _window(half)
     for _ in range(_STEPS):
-        small = matrix + np.diag(damping * matrix.diagonal() + _ALWAYS)
-        trial = p + np.linalg.solve(small, gradient)
-        trial[:2] = np.clip(trial[:2], *_window(half))
-        trial[2] = np.clip(trial[2], 0.0, 1.0)
+        small, step = matrix + np.diag(damping * matrix.diagonal() + _ALWAYS), gradient.copy()
+        for i in np.flatnonzero(np.where(gradient[:2] < 0.0, p[:2] <= least, p[:2] >= most)):
+            small[i], small[:, i], small[i, i], step[i] = 0.0, 0.0, 1.0, 0.0
+        goal = p + np.linalg.solve(small, step)
+        trial = np.clip(
+            goal,
+            (-half, _towards(1.0 - half, p[1], half), 0.0, -np.inf, 0.5 * p[4]),
+            (_towards(half, p[0], half), 1.0 + half, 1.0, np.inf, 0.5),
+        )
+        on_its_way = (trial[:2] != goal[:2]).any()
         room = min(trial[2], 1.0 - trial[2])
-        trial[3:] = np.clip(trial[3:], (-room, 0.0), (room, 0.5))
+        trial[3] = np.clip(trial[3], -room, room)
         new = _normal_equations(trial, problem)
         gain = cost - new[0]
         if gain >= 0.0:
             p = trial
             cost, matrix, gradient = new
             damping = max(0.1 * damping, 1e-9)
-            if gain < _ENOUGH or cost - _HOPE * gain > wanted:
+            if gain < _ENOUGH or (cost - _HOPE * gain > wanted and not on_its_way):
                 break
         else:
             damping *= 8.0
             if damping > 1e8:
                 break
     return Ellipse(p, cost, matrix)
+
+
+def _towards(bound: float, at: float, half: float) -> float:
+    """Return how near to the inner bound of its window an end may go: half of the way, and there when nearly there.
+
+    Outer strips that the ellipse no longer covers would tell no more where it is.
+    """
+    middle = 0.5 * (at + bound)
+    return bound if abs(bound - middle) < _NEAR * half else middle
 
 
 def _normal_equations(p: FloatArray, problem: FitProblem) -> tuple[float, FloatArray, FloatArray]:

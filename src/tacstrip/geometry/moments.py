@@ -17,6 +17,9 @@ MomentDeviations: TypeAlias = tuple[float, FloatArray, float]
 LEVEL = 0.95  # a region's probability
 _NORMAL = 1.959964  # standard deviations within which a normal error lies with that probability
 _STEP = 1e-30  # of the complex step: its square vanishes beside any area
+_CLEAR = (
+    0.05  # deviation of the axes' difference, over it, up to which it tells how they lie whatever is likely
+)
 UNKNOWN_ANGLE = math.pi / math.sqrt(12.0)  # standard deviation of an axis that can lie anyhow [rad]
 
 
@@ -87,9 +90,10 @@ def deviations(vertices: FloatArray, covariance: FloatArray, uniform: Sequence[i
     -------
     tuple
         By the delta method; of the orientation, which jumps to the other axis where both are nearly alike, by draws of
-        the second moments. 1.96 of them to either side hold 95 %, so that they are less than the root of the variance
-        where an error is uniform. What the covariance leaves open is inf; an orientation that is not known at all has
-        the deviation of an axis that can lie anyhow, `UNKNOWN_ANGLE`.
+        the second moments, with the axes' difference as likely to be small as large. 1.96 of them to either side hold
+        95 %, so that they are less than the root of the variance where an error is uniform. What the covariance leaves
+        open is inf; an orientation that is not known at all has the deviation of an axis that can lie anyhow,
+        `UNKNOWN_ANGLE`.
     """
     slopes, at, drawn = moment_jacobian(vertices), list(uniform), _errors()
     with np.errstate(invalid="ignore"):
@@ -105,14 +109,19 @@ def deviations(vertices: FloatArray, covariance: FloatArray, uniform: Sequence[i
     if (axes := complex(xx - yy, 2.0 * xy)) and np.isfinite(sigma[3:]).all():
         value, vector = np.linalg.eigh((every - spread @ spread.T)[3:, 3:])
         x, y = off[3:] + vector * np.sqrt(np.maximum(value, 0.0)) @ drawn[:2]
-        turned = 0.5 * np.angle((axes + x + 1j * y) * axes.conjugate())
-        turn = min(_half_width(turned) / _NORMAL, UNKNOWN_ANGLE)
+        drawn_axes = axes + x + 1j * y
+        near = (x * x + y * y).mean() > (_CLEAR * abs(axes)) ** 2
+        turned = 0.5 * np.angle(drawn_axes * axes.conjugate())
+        turn = min(_half_width(turned, 1.0 / np.abs(drawn_axes) if near else None) / _NORMAL, UNKNOWN_ANGLE)
     return float(sigma[0]), sigma[1:3], turn
 
 
-def _half_width(errors: FloatArray) -> float:
-    """Return within what of 0 drawn errors (K,) lie with that probability."""
-    return float(np.quantile(np.abs(errors), LEVEL))
+def _half_width(errors: FloatArray, weight: FloatArray | None = None) -> float:
+    """Return within what of 0 drawn errors (K,), each with a weight (K,), lie with that probability."""
+    off = np.abs(errors)
+    if weight is None:
+        return float(np.quantile(off, LEVEL))
+    return float(np.quantile(off, LEVEL, weights=weight, method="inverted_cdf"))
 
 
 @cache

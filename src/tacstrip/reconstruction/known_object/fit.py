@@ -18,6 +18,7 @@ from tacstrip.contact.noise import Noise
 from tacstrip.contact.shape import Contact
 from tacstrip.core.problem import FLOOR
 from tacstrip.errors import ContactError, OptionError
+from tacstrip.fisher import positive_part
 from tacstrip.reconstruction.implausible import doubt_implausible
 from tacstrip.reconstruction.known_object.readings import (
     GUESS,
@@ -266,7 +267,11 @@ def _weighed(
 
 
 def _stated(one: Hypothesis) -> FloatArray:
-    return one.covariance if one.errors else across_upright_edges(one.fit, one.pose, one.covariance)
+    """Return a pose's covariance, with what beside upright edges slopes do not tell."""
+    if one.errors is None:
+        return across_upright_edges(one.fit, one.pose, one.covariance)
+    alone = one.fit.covariance(one.pose)
+    return one.covariance + positive_part(across_upright_edges(one.fit, one.pose, alone) - alone)
 
 
 def _pose(pose: FloatArray, covariance: FloatArray) -> Pose:

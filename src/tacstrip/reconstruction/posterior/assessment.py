@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.core.ellipse import Ellipse
 from tacstrip.core.outline_model import OutlineModel
 from tacstrip.core.posterior import vertex_counts
@@ -159,58 +159,124 @@ def assess(
     drawn = draw(run, sensor, sigma_known, evaluations, _KEPT[effort], area_mm2, known_count)
     if drawn is None:
         return Assessment()
-    ends = drawn.ends_of(outline.lower, outline.upper)
-    own, one = drawn.overlap(ends) >= PROMISED_IOU, len(run.problem.k) == 1
-    confidence = drawn.share(own)
-    better: OutlineModel | None = None
-    misfit = math.inf  # of a better one
-    every = pairwise_column_iou(drawn.ends)
+    told_area = area_mm2 is not None
+    short = known_count is not None and len(outline.vertices) != known_count
+    chosen = _Chosen.of(run.model, outline, drawn)
+    one, every = len(run.problem.k) == 1, pairwise_column_iou(drawn.ends)
     rounded = regular = None
-    if one and area_mm2 is None and known_count is None and not few_strips(run):
-        rounded = draw_rounded(drawn.problem, drawn.window, drawn.x, ends, quick=effort == "fast")
+    if one and not told_area and known_count is None and not few_strips(run):
+        rounded = draw_rounded(drawn.problem, drawn.window, drawn.x, chosen.ends, quick=effort == "fast")
         if effort == "thorough":
             regular = draw_regular(drawn.problem, drawn.window, drawn.x, drawn.misfit)
-    if one or misses:
-        fitting = drawn.fitting(known_count)
-        short = known_count is not None and len(outline.vertices) != known_count
-        told = area_mm2 is not None or short or misses  # what the fit does not know, or does not keep to
-        if (confidence < _RATHER_WRONG or told) and fitting.any():
-            # The outline that overlaps the others best; the mean of them would be none that the readings allow.
-            among = np.where(fitting, every @ drawn.weight, 0.0)
-            if misses:  # many overlap nearly as well: take no corners that no reading asks for
-                counts = vertex_counts(drawn.samples.outlines)
-                few = counts == counts[among >= among.max() - _AS_WELL].min()
-                among = np.where(few, among, 0.0)
-            at = int(np.argmax(among))
-            near = every[at] >= PROMISED_IOU
-            surer = 0.0 if told else _BETTER
-            if short or misses or drawn.share(near) > confidence + surer:
-                own, confidence, better = near, drawn.share(near), drawn.model(at, run.problem)
-                outline = Outline(*better.chains_mm(run.problem))
-                ends = drawn.ends_of(outline.lower, outline.upper)
+    # What the fit does not know, or does not keep to.
+    told = told_area or short or misses
+    if (one or misses) and (chosen.confidence < _RATHER_WRONG or told):
+        chosen = _drawn_instead(chosen, run, drawn, every, known_count, told, short, misses)
     if one:
-        corners = float(len(outline.vertices))
-        if regular is not None:  # long chains: their counts tell more
-            corners = float(vertex_counts(drawn.samples.outlines).mean())
-        expected = float(drawn.overlap(ends) @ drawn.weight)
-        told_by = doubts(expected, run, better or run.model, corners, ends, drawn, rounded, regular, faults)
-        confidence = told_by.probability(effort)
-        confidence = min(confidence, _SHORT) if short else confidence
-        if rounded is not None and regular is not None:
-            best = regular.commonest()
-            told_by = doubts_of_regular(regular, best, run, ends, rounded, corners, faults)
-            sure = told_by.probability(effort)
-            if not isinstance(better or run.model, Ellipse):
-                middle = rounded.commonest()
-                of_rounded = doubts_of_rounded(rounded, middle, drawn, corners, regular)
-                surer = of_rounded.probability(effort)
-                if surer > max(confidence + _ROUNDED_BETTER, sure):
-                    confidence, better = surer, rounded.outline(middle, drawn.problem.lam)
-                    own = drawn.overlap(rounded.ends[middle]) >= PROMISED_IOU
-            if sure * (1.0 - confidence) > _REGULAR_BETTER * confidence * (1.0 - sure):
-                confidence, better = sure, regular.outline(best)
-                own, misfit = drawn.overlap(regular.ends[best]) >= PROMISED_IOU, regular.misfit
-    # Chi square of the better half of the draws; that of normal errors exceeds its mean by 3.5 deviations in .02 %.
+        chosen = _judged_by_rivals(chosen, run, drawn, rounded, regular, effort, short, faults)
+    explained, itself = _explained(run, drawn, sigma_known)
+    better_explains = chosen.misfit * drawn.problem.readings < itself
+    # What is not the estimate's is theirs, at most; and of a rounded or regular one the draws know nothing.
+    unlike = 1.0 if isinstance(chosen.better, FamilyOutline) else float(drawn.weight[~chosen.own].sum())
+    rest = min(1.0, (1.0 - chosen.confidence) / unlike) if unlike > 0.0 else 0.0
+    others = _alternatives(drawn, every >= PROMISED_IOU, chosen.own, rest)
+    return Assessment(chosen.confidence, others, chosen.better, explained or better_explains, better_explains)
+
+
+@dataclass(frozen=True, eq=False)
+class _Chosen:
+    """The outline that is assessed: the fit's, or a better one.
+
+    Attributes
+    ----------
+    model, corners, ends
+        It, its vertices, and l and u in the draws' columns (2, G).
+    own
+        Which draws overlap it by `PROMISED_IOU` or more (K,).
+    confidence
+        That it is right.
+    better
+        It, where it is not the fit's.
+    misfit
+        What it leaves of the readings, where it is a regular one.
+    """
+
+    model: OutlineModel | None
+    corners: int
+    ends: FloatArray
+    own: BoolArray
+    confidence: float
+    better: OutlineModel | None = None
+    misfit: float = math.inf
+
+    @classmethod
+    def of(cls, model: OutlineModel | None, outline: Outline, drawn: Draws) -> _Chosen:
+        """Return the fit's outline."""
+        ends = drawn.ends_of(outline.lower, outline.upper)
+        own = drawn.overlap(ends) >= PROMISED_IOU
+        return cls(model, len(outline.vertices), ends, own, drawn.share(own))
+
+
+def _drawn_instead(
+    chosen: _Chosen, run: RunFit, drawn: Draws, every: FloatArray, known_count: int | None, told: bool,
+    short: bool, misses: bool,
+) -> _Chosen:  # fmt: skip
+    """Return the draw that overlaps the others best where that is surer; their mean would be none of them."""
+    fitting = drawn.fitting(known_count)
+    if not fitting.any():
+        return chosen
+    among = np.where(fitting, every @ drawn.weight, 0.0)
+    if misses:  # many overlap nearly as well: take no corners that no reading asks for
+        counts = vertex_counts(drawn.samples.outlines)
+        few = counts == counts[among >= among.max() - _AS_WELL].min()
+        among = np.where(few, among, 0.0)
+    at = int(np.argmax(among))
+    near = every[at] >= PROMISED_IOU
+    surer = 0.0 if told else _BETTER
+    if not (short or misses or drawn.share(near) > chosen.confidence + surer):
+        return chosen
+    better = drawn.model(at, run.problem)
+    outline = Outline(*better.chains_mm(run.problem))
+    ends = drawn.ends_of(outline.lower, outline.upper)
+    return _Chosen(better, len(outline.vertices), ends, near, drawn.share(near), better)
+
+
+def _judged_by_rivals(
+    chosen: _Chosen, run: RunFit, drawn: Draws, rounded: RoundedDraws | None, regular: RegularDraws | None,
+    effort: Effort, short: bool, faults: int,
+) -> _Chosen:  # fmt: skip
+    """Return an outline of one signature with its confidence by `doubts`, or a rounded or regular one that is surer."""
+    corners = float(chosen.corners)
+    if regular is not None:  # long chains: their counts tell more
+        corners = float(vertex_counts(drawn.samples.outlines).mean())
+    expected = float(drawn.overlap(chosen.ends) @ drawn.weight)
+    told_by = doubts(expected, run, chosen.model, corners, chosen.ends, drawn, rounded, regular, faults)
+    confidence = told_by.probability(effort)
+    judged = replace(chosen, confidence=min(confidence, _SHORT) if short else confidence)
+    if rounded is None or regular is None:
+        return judged
+    best = regular.commonest()
+    sure = doubts_of_regular(regular, best, run, chosen.ends, rounded, corners, faults).probability(effort)
+    if not isinstance(chosen.model, Ellipse):
+        middle = rounded.commonest()
+        surer = doubts_of_rounded(rounded, middle, drawn, corners, regular).probability(effort)
+        if surer > max(judged.confidence + _ROUNDED_BETTER, sure):
+            own = drawn.overlap(rounded.ends[middle]) >= PROMISED_IOU
+            outline = rounded.outline(middle, drawn.problem.lam)
+            judged = replace(judged, confidence=surer, better=outline, own=own)
+    confidence = judged.confidence
+    if sure * (1.0 - confidence) > _REGULAR_BETTER * confidence * (1.0 - sure):
+        own = drawn.overlap(regular.ends[best]) >= PROMISED_IOU
+        outline = regular.outline(best)
+        judged = replace(judged, confidence=sure, better=outline, own=own, misfit=regular.misfit)
+    return judged
+
+
+def _explained(run: RunFit, drawn: Draws, sigma_known: bool) -> tuple[bool, float]:
+    """Return whether draws leave no more than noise does, even if the estimate does; and what a better one may leave.
+
+    By chi square of the better half of the draws; that of normal errors exceeds its mean by 3.5 deviations in .02 %.
+    """
     readings = drawn.problem.readings
     allowed = readings + _ALARM * np.sqrt(2.0 * readings)
     itself = allowed
@@ -219,13 +285,7 @@ def assess(
         allowed = itself if run.sigma > MOST_SIGMA else 0.0
     counted = drawn.weight[: len(drawn.samples.outlines)] > 0.0
     squares = drawn.samples.squares[counted] if counted.any() else drawn.samples.squares
-    explained = float(np.median(squares)) < allowed
-    # What is not the estimate's is theirs, at most; and of a rounded or regular one the draws know nothing.
-    unlike = 1.0 if isinstance(better, FamilyOutline) else float(drawn.weight[~own].sum())
-    rest = min(1.0, (1.0 - confidence) / unlike) if unlike > 0.0 else 0.0
-    others = _alternatives(drawn, every >= PROMISED_IOU, own, rest)
-    better_explains = misfit * readings < itself
-    return Assessment(confidence, others, better, explained or better_explains, better_explains)
+    return float(np.median(squares)) < allowed, itself
 
 
 @dataclass(frozen=True, eq=False)
