@@ -340,7 +340,6 @@ def without_empty_lines() -> str:
         (own("kl", "kh"), "exchanged", "yes"),
         (own("kh", "kl", head=HEAD.replace("time_s", "t")), "time_unit", "ms"),
         (own("kh", "kl", scale=1.0), "unit", "fraction"),
-        (own("kh", "kl", head="strip,v_h,v_l\n", index=False), "rate_hz", "50"),
         (without_empty_lines(), "missing", "untouched"),
         (own("kh", "kl", nothing="sat"), "untouched", "sat"),
     ],
@@ -539,3 +538,25 @@ def test_what_looks_like_another_form_is_not_taken_for_it(
     assert done.exit_code == 0, done.output
     read = ts.read_readings(out, DIGITS)
     np.testing.assert_allclose([scan["k"] for scan in read], COUNTS / 65535.0, atol=1e-5)
+
+
+def test_a_log_without_times_gives_readings_without_them(tmp_path: Path) -> None:
+    log, out, spec = tmp_path / "log.csv", tmp_path / "readings.csv", tmp_path / "sensor.toml"
+    log.write_text(own("kh", "kl", head="strip,v_h,v_l\n", index=False))
+    RUBBER.save(spec)
+    done = CliRunner().invoke(cli, ["import", str(log), str(spec), "-o", str(out)])
+    assert done.exit_code == 0
+    assert "the log has no time: time_s is left empty" in done.output
+    assert [line.split(",")[1] for line in out.read_text().splitlines()[1:]] == [""] * K["kh"].size
+    read = ts.read_readings(out, RUBBER)
+    np.testing.assert_allclose([scan.kh for scan in read], K["kh"], atol=2e-3)
+    assert {scan.time_s for scan in read} == {0.0}
+    again = tmp_path / "again.csv"
+    mapping = str(out.with_suffix(".mapping.toml"))
+    assert CliRunner().invoke(cli, ["import", str(log), str(spec), "-o", str(again), "--mapping", mapping]).exit_code == 0
+    assert again.read_text() == out.read_text()
+    assert propose(of_text(log.read_text()), RUBBER, {"rate_hz": "50"}).scans[1].time_s == 0.02
+    lines = out.read_text().splitlines()
+    out.write_text("\n".join([*lines[:-1], lines[-1].replace(",,", ",0.3,", 1)]) + "\n")
+    with pytest.raises(ts.ReadingError, match="has a time, and those above it none"):
+        ts.read_readings(out, RUBBER)

@@ -168,7 +168,7 @@ def _show(found: Proposal, sensor: Sensor | None) -> None:
         + (f" (to be multiplied by {found.mapping.scale:g})" if found.mapping.scale != 1.0 else "")
         + ("   (strips are numbered as in the output)" if base != found.mapping.strip_base else "")
     )
-    upto = rows(found.scans[: max(shown) + 1], base)
+    upto = rows(found.scans[: max(shown) + 1], base, timed=found.mapping.timed)
     for number, lines in itertools.groupby(upto, key=lambda row: row[0]):
         if int(number) not in shown:
             continue

@@ -1,6 +1,6 @@
 """Readings as CSV: a header, then a line per strip and scan.
 
-Columns: scan, time_s (which a single scan may lack), strip, and volts (v_h, v_l or v_out) or A/D codes (code_h,
+Columns: scan, time_s (which a single scan may lack; empty throughout where no times are known), strip, and volts (v_h, v_l or v_out) or A/D codes (code_h,
 code_l or code); one of v_h and v_l alone is a single-measurement. Of a CRS-CRP sheet all electrodes may be there
 instead: v_l_0, v_l_1, ... at y = 0 and v_h_0, ... at y = L (or code_l_0, ...). Other columns are passed over, unless
 their name is nearly that of a column that is missing. Empty fields mean that nothing touches the strip; one of v_h
@@ -270,10 +270,11 @@ def scan_lines(
                 _check_positions(places[0], first, sensor)
                 places = None
             values = np.full((len(columns), sensor.strips), np.nan)
-            time_s, written = finite(time_text, line, "time_s"), time_text
+            time_s = _time(time_text, line, None if scan is None else written)
+            written = time_text
             scan = ScanLines(number, line, time_s, values, np.zeros(sensor.strips, dtype=np.int64))
         elif time_text != written:
-            finite(time_text, line, "time_s")  # a strip's own time, which is passed over
+            _time(time_text, line, written)  # a strip's own time, which is passed over
         strip = strip_of(row, line)
         if earlier := scan.strip_lines[strip]:
             raise ReadingError(
@@ -288,6 +289,17 @@ def scan_lines(
     if places is not None and isinstance(sensor, Sensor):
         _check_positions(places[0], first, sensor)
     yield scan
+
+
+def _time(text: str, line: int, before: str | None) -> float:
+    """Return a scan's time [s]; 0 where it is empty, as it must be then on all lines (`before`: what the last had)."""
+    if before is not None and (text == "") != (before == ""):
+        has, lacks = ("a time", "none") if text else ("no time", "one")
+        raise ReadingError(
+            f"line {line} has {has}, and those above it {lacks}: give every scan its time_s in seconds, or leave it "
+            "empty on all lines"
+        )
+    return finite(text, line, TIME) if text else 0.0
 
 
 def _check_positions(name: str, places: Mapping[int, float], sensor: Sensor) -> None:

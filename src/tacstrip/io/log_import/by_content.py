@@ -16,6 +16,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.io.log_import.fields import number_of, says_nothing
+from tacstrip.io.log_import.groups import in_groups
 from tacstrip.io.log_import.names import (
     READING_UNITS,
     TIME_UNITS,
@@ -129,6 +130,10 @@ def of_content(text: str, strips: int, channels: int) -> Table | None:
         for way in ways_to_join(lines):
             told = [_best(rows, way, dict(there), decimal, strips, channels) for rows in kinds_of_rows(way)]
             found += [one for one in told if one is not None]
+        if (parts := in_groups(lines, channels + 1)) is not None:
+            rows, empty = parts
+            one = _best(rows, lines, dict(there), decimal, strips, channels, empty)
+            found += [one] if one is not None else []
     most = max((int(np.isfinite(values).sum()) for _, values, _ in found), default=0)
     found = sorted((f for f in found if np.isfinite(f[1]).sum() > _EXPLAINED * most), key=lambda one: one[0])
     if not found:
@@ -139,9 +144,18 @@ def of_content(text: str, strips: int, channels: int) -> Table | None:
 
 
 def _best(
-    rows: list[Line], lines: list[Line], texts: dict[int, str], decimal: str, strips: int, channels: int
+    rows: list[Line],
+    lines: list[Line],
+    texts: dict[int, str],
+    decimal: str,
+    strips: int,
+    channels: int,
+    empty: list[int] | None = None,
 ) -> tuple[float, FloatArray, Table] | None:
-    """Return the only assignment of these rows that a sensor can have read, and how rough it is, and its readings."""
+    """Return the only assignment of these rows that a sensor can have read, and how rough it is, and its readings.
+
+    Where rows are parts of lines, `empty` are lines that have none.
+    """
     columns, read, lost = _columns(rows, lines, decimal)
     if not columns or len(columns) > _MOST_COLUMNS:
         return None
@@ -170,7 +184,13 @@ def _best(
         or _are_numbers_of_columns(columns, one)
     ):
         return None
-    return rough, values, _table(columns, one, rows, texts, read, lost, decimal, values)
+    table = _table(columns, one, rows, texts, read, lost, decimal, values)
+    if empty is not None:
+        if one.strip is None or one.which is not None:
+            return None
+        table = table.with_columns({n: table.column(n) for n in table.names if n != "scan"} | {"scan": [str(r.number) for r in rows]})
+        table = replace(table, empty=frozenset(empty))
+    return rough, values, table
 
 
 def _columns(rows: list[Line], lines: list[Line], decimal: str) -> tuple[list[Column], set[int], set[int]]:

@@ -94,9 +94,17 @@ def propose(
         An answer to nothing, or one that is not possible.
     """
     strips, channels = (sensor.strips, 1 + (sensor.signatures != ("k",))) if sensor else (0, 0)
-    return settled(
-        table, lambda found: _proposed(found, sensor, dict(answers or {}), stated), strips, channels
-    )
+
+    def told(given: dict[str, str]) -> Proposal:
+        return settled(table, lambda found: _proposed(found, sensor, given, stated), strips, channels)
+
+    given = dict(answers or {})
+    try:
+        return told(given)
+    except Unanswered as asked:
+        if not all(q.default for q in asked.questions):
+            raise
+        return told(given | {q.key: q.default for q in asked.questions})
 
 
 def settled(table: Table, read: Callable[[Table], Read], strips: int = 0, channels: int = 0) -> Read:

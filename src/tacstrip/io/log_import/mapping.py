@@ -32,7 +32,7 @@ class ColumnMapping:
         Of the readings: "V", "mV", "uV", "code", "fraction", "percent" or "permille" (of Vref).
     time, time_unit, rate_hz
         Column of the time and its unit ("2.5ms" for a timer's ticks, "clock" for times of day and dates, "hh:mm" or
-        "mm:ss" for 14:05), or scans per second where there is none.
+        "mm:ss" for 14:05), or scans per second where there is none; neither: times are left empty.
     scan, strip, which
         Columns of the scan's number, the strip's, and of the channel's name where a line holds readings of one of them.
     strip_base
@@ -196,6 +196,11 @@ class ColumnMapping:
     def wide(self) -> bool:
         """Whether each column is of one strip."""
         return any(":" in what for what in self.columns.values())
+
+    @property
+    def timed(self) -> bool:
+        """Whether scans have times."""
+        return bool(self.time or self.rate_hz)
 
     @property
     def channels(self) -> tuple[str, ...]:

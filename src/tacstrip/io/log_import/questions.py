@@ -35,6 +35,7 @@ class Question:
     text: str
     choices: tuple[str, ...]
     of_form: bool = False  # whether what the columns hold may answer it, and not only what the user knows
+    default: str = ""  # the answer that changes no reading, taken where nothing else is open
 
     def __str__(self) -> str:
         ways = [f"{self.key}={choice}" for choice in self.choices]
@@ -116,10 +117,10 @@ class Clues:
         said = role in ("", "which") or (role == "scan" and number_of(answer) is None)  # as a frame's name
         return said and answer not in ROLES and answer in self.table.column(name)
 
-    def ask(self, key: str, text: str, *choices: str, of_form: bool = False) -> None:
+    def ask(self, key: str, text: str, *choices: str, of_form: bool = False, default: str = "") -> None:
         """Ask for what cannot be known; once for each key."""
         if key not in {q.key for q in self.questions}:
-            self.questions.append(Question(key, text, choices, of_form or key in OF_FORM))
+            self.questions.append(Question(key, text, choices, of_form or key in OF_FORM, default))
 
     def stop(self) -> None:
         """Raise `Unanswered` if anything was asked."""

@@ -24,6 +24,7 @@ from tacstrip.io.log_import.questions import Clues
 from tacstrip.io.log_import.scans import LogScan, raw_times
 from tacstrip.io.log_import.table import CLOCK, ROW
 
+NO_TIME = "none"  # answered for a rate: times are left empty
 _RATES_HZ = (0.12, 1000.0)  # scans per second that a log may have
 _POSSIBLE_S = (1.5e-4, 3600.0)  # from scan to scan
 _EVEN = 0.2  # of the largest step: so much may others of a clock be less
@@ -161,10 +162,12 @@ def _clock_bits(clues: Clues, name: str, times: FloatArray, steps: FloatArray) -
 
 def settled_time(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> ColumnMapping:
     """Return the mapping with the unit of its time, by the steps from scan to scan, or with its rate."""
-    rate = clues.number("rate_hz")
+    untimed = clues.answers.get("rate_hz") == NO_TIME
+    rate = None if untimed else clues.number("rate_hz")
+    coarse = False
     if mapping.time and len(rough) > 1:
         steps = np.diff([s.time_s for s in rough])
-        if (steps == 0.0).mean() > _SAME_TIME:
+        if coarse := bool((steps == 0.0).mean() > _SAME_TIME):
             if (steps != 0.0).any() or rate is None:
                 clues.because(
                     f"{mapping.time}: most scans have the time of the one before, so it says nothing"
@@ -172,7 +175,12 @@ def settled_time(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
             mapping = replace(mapping, time="", time_unit="s", time_bits=0)
     if not mapping.time:
         rate = rate or _rate_above(clues)
-        if rate is None and len(rough) > 1:
+        if untimed:
+            clues.doubt(
+                "the log has no time: time_s is left empty, and what needs it (velocities, drift, recordings) is not "
+                "told; if you know the scans per second, --answer rate_hz=50"
+            )
+        elif rate is None and len(rough) > 1:
             even = _even_column(clues, mapping, len(rough))
             if even in TIME_UNITS:
                 clues.because(f"{even}: rises evenly, and no other column is the time")
@@ -184,7 +192,7 @@ def settled_time(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
                 )  # fmt: skip
             else:
                 text = f"the log has {len(rough)} scans and no time: how many scans per second?"
-                clues.ask("rate_hz", text, "50")
+                clues.ask("rate_hz", text, "50", NO_TIME, default="" if coarse else NO_TIME)
         return replace(mapping, rate_hz=rate or 0.0)
     steps = np.diff(np.array([s.time_s for s in rough]))
     if len(steps) > 2 and (

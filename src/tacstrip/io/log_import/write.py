@@ -47,7 +47,7 @@ def as_readings(
     """Return the header and the lines of a readings file; parameters as of `write_log`."""
     codes = mapping.unit == "code" and not mapping.adc_bits and mapping.scale == 1.0
     scale = 1.0 if codes else in_volts(mapping, vref_volt)
-    return [*INDEX, *(_COLUMNS[c][codes] for c in mapping.channels)], rows(scans, strip_base, scale)
+    return [*INDEX, *(_COLUMNS[c][codes] for c in mapping.channels)], rows(scans, strip_base, scale, mapping.timed)
 
 
 def in_volts(mapping: ColumnMapping, vref_volt: float, adc_bits: int | None = None) -> float:
@@ -86,14 +86,16 @@ def touched(scans: Sequence[LogScan], mapping: ColumnMapping, sensor: Sensor | N
     return [np.asarray((np.abs(s.values * scale - rest) > sensor.touch_volt).any(axis=1)) for s in scans]
 
 
-def rows(scans: Sequence[LogScan], strip_base: int, scale: float = 1.0) -> Iterator[list[str]]:
-    """Yield the lines of a readings file: scan, time, strip, readings, empty where nothing touches."""
+def rows(
+    scans: Sequence[LogScan], strip_base: int, scale: float = 1.0, timed: bool = True
+) -> Iterator[list[str]]:
+    """Yield the lines of a readings file: scan, time, strip, readings, empty where nothing touches or has no time."""
     for number, scan in enumerate(scans):
         # A strip with one reading of two keeps it; the verbs take it with that one.
         for strip, values in enumerate(scan.values, strip_base):
             yield [
                 str(number),
-                seconds(scan.time_s),
+                seconds(scan.time_s) if timed else "",
                 str(strip),
                 *("" if np.isnan(v) else f"{v * scale:.9g}" for v in values),
             ]
