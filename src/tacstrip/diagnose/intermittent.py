@@ -287,9 +287,7 @@ def _free_wires(work: WorkingCopy, lasting: BoolArray) -> Iterator[Question]:
                 f"reads what a free wire does in {count[strip]} scans, beside neighbours that move by "
                 f"{100 * float(np.ptp(line)):.2g} % of Vref, and what they expect in {well[strip]}"
             )
-            yield Question(
-                (int(work.order[strip]),), ("intermittent",) if mixed else _CUT_OR_LOOSE, evidence
-            )
+            yield Question((int(work.order[strip]),), ("intermittent",) if mixed else _CUT_OR_LOOSE, evidence)
 
 
 @dataclass(frozen=True, eq=False)
