@@ -28,8 +28,7 @@ _JUMPS, _JUMPS_SILENT = 3, 8
 _FEWEST = 5  # scans that dropped out
 _CLEAR, _MANY_CLEAR = 0.3, 8  # over Vref off the line, and scans, in which the contact moves:
 _MOVES = 0.03  # over Vref
-# Over Vref, and jumps: what the contact moves across a free wire's level, or how often that is left for a good reading.
-_PASSES_BY, _LEFT = 0.1, 2
+_PASSES_BY = 0.1  # over Vref: what neighbours move by beside a free wire's level
 _MOST_ALONE = 8  # scans that a pointed contact touches one strip at its end
 _ONE_WAY = 0.6  # of readings off the line, by which those to one side are more than those to the other
 _LEAST, _MOST = 0.025, 0.7  # of the scans in which a dropout could be seen
@@ -273,13 +272,12 @@ def _free_wires(work: WorkingCopy, lasting: BoolArray) -> Iterator[Question]:
             free = np.any([np.abs(values - level) < near for level in {0.0, rest, 1.0}], axis=0)
             out = beside & free & (np.abs(values - np.clip(e, 0.0, 1.0)) > _CLEAR)
             good = beside & (np.abs(values - e) < _FAR / 2.0)
-        seen = _Seen(out, good, e, out, np.zeros_like(out))
         count, well = out.sum(axis=0), good.sum(axis=0)
         usual = np.sort(count)[-3] if work.strips > 2 else 0
         often = (np.minimum(count, well) >= _FEWEST) & (count > _OTHERS * usual) & ~lasting
         for strip in np.flatnonzero(often).tolist():
             line = e[out[:, strip], strip]
-            if strip in asked or (np.ptp(line) < _PASSES_BY and seen.jumps[strip] < _LEFT):
+            if strip in asked or np.ptp(line) < _PASSES_BY:
                 continue
             asked.add(strip)
             mixed = mixed_heights(line, e[good[:, strip], strip])
