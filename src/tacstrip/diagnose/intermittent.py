@@ -91,7 +91,7 @@ def intermittent(work: WorkingCopy) -> tuple[list[Finding], list[Question]]:
     asked += [Question(f.strips, ("intermittent",), f.evidence) for f in still]
     loose = {f.strips for f in findings} | {q.strips for q in asked if q.causes != _CUT_OR_LOOSE}
     asked = [q for q in asked if q.causes != _CUT_OR_LOOSE or q.strips not in loose]
-    known = {i for told in (*findings, *asked) for i in told.strips}
+    known = {i for f in findings for i in f.strips} | {i for q in asked for i in q.strips}
     asked += [q for q in _free_wires(work, lasting) if not known & set(q.strips)]
     return [f for f in findings if f not in still], asked if len(asked) <= _MOST_ASKED else []
 
