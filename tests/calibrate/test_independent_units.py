@@ -117,3 +117,17 @@ def test_runs_of_another_unit_are_said_where_the_spec_is_calibrated() -> None:
     assert again.advice == ""
     swapped = ts.calibrate_unit(done.sensor, units.press(other, places, rng, 0.001))
     assert "are the runs of another unit?" in swapped.advice
+
+
+def test_few_presses_of_two_units_are_doubted_by_the_press_that_is_far_off() -> None:
+    rng = np.random.default_rng(9)
+    one, other = (units.draw(rng, "crs-m", strips=9, offset=0.05) for _ in range(2))
+    other = replace(other, sensor=one.sensor)
+    places = np.unique(planned_places(one.sensor, 1.0), axis=0)
+    runs, strange = (units.press(unit, places, rng, 0.001) for unit in (one, other))
+    assert ts.calibrate_unit(one.sensor, runs).status == "ok"
+    theirs = np.arange(len(places))[:, None] % 2 == 0
+    mixed = {name: np.where(theirs, strange.raw[name], v) for name, v in runs.raw.items()}
+    done = ts.calibrate_unit(one.sensor, replace(runs, raw=mixed))
+    assert done.status == "doubtful"
+    assert done.advice.startswith("the press that begins in line")

@@ -67,6 +67,22 @@ def test_a_contact_that_comes_and_goes_a_few_times() -> None:
 
 
 @pytest.mark.usefixtures("no_outline")
+def test_a_strip_that_reads_a_free_wires_level_in_one_visit_is_asked_about() -> None:
+    """Higher up than where it reads well, as a cut strip does; the neighbours move past that level meanwhile."""
+    log = _log()
+    k = log.raw["k"].copy()
+    line = 0.5 * (k[:, 0] + k[:, 2])
+    far = np.flatnonzero(np.isfinite(k[:, 1]) & (line > np.nanquantile(line, 0.75)))
+    visit = max(np.split(far, np.flatnonzero(np.diff(far) > 1) + 1), key=lambda v: np.ptp(line[v]))
+    assert len(visit) >= 8
+    assert np.ptp(line[visit]) > 0.1
+    k[visit, 1] = 0.0
+    report = diagnose(Log.of(METAL, log.time_s, {"k": k}))
+    assert report.healthy
+    assert [(q.causes, q.strips) for q in report.questions] == [(("open-strip", "intermittent"), (1,))]
+
+
+@pytest.mark.usefixtures("no_outline")
 def test_a_bridge_shows_where_a_contact_ends_on_it() -> None:
     """A strip that nothing touches reads the bridge's height through the next one: before, most were missed."""
     log, strip = _log(), 5

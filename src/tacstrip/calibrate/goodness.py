@@ -132,7 +132,27 @@ def spoilt(runs: Runs, fit: ModelFit | None) -> str:
             f"{out.sum()} of {usable.sum()} rows would have to be excluded for the others to agree, {whole.sum()} "
             f"presses on all strips (lines {lines}{' ...' if out.sum() > _NAMED else ''})"
         )
-    return _two_units(runs, usable, out)
+    return _two_units(runs, usable, out) or _far_press(runs, usable & ~out, fit)
+
+
+def _far_press(runs: Runs, counted: BoolArray, fit: ModelFit | None) -> str:
+    """Say which press is further off than uneven rubber makes it on strips together; "" if none, or runs state errors.
+
+    Few presses of two units leave a residual that is small on the whole: strips' constants follow most of them.
+    """
+    if fit is None or runs.l_sd_mm is not None or runs.w_sd_mm is not None:
+        return ""
+    count = counted.sum(axis=1)
+    square = np.where(counted, np.mean(fit.residual**2, axis=0), 0.0).sum(axis=1)
+    off = np.sqrt(square / np.maximum(count, 1)) * (count >= _STRIPS)
+    worst = int(np.argmax(off))
+    if off[worst] <= _MOST:
+        return ""
+    line = runs.line[worst][counted[worst]].min()
+    return (
+        f"the press that begins in line {line} is off by {100.0 * off[worst]:.2g} % of Vref on {count[worst]} strips "
+        "together, more than uneven rubber makes it"
+    )
 
 
 def _two_units(runs: Runs, usable: BoolArray, out: BoolArray) -> str:

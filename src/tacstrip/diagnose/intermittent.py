@@ -28,6 +28,7 @@ _JUMPS, _JUMPS_SILENT = 3, 8
 _FEWEST = 5  # scans that dropped out
 _CLEAR, _MANY_CLEAR = 0.3, 8  # over Vref off the line, and scans, in which the contact moves:
 _MOVES = 0.03  # over Vref
+_PASSES_BY = 0.1  # over Vref: what neighbours move by beside a free wire's level
 _MOST_ALONE = 8  # scans that a pointed contact touches one strip at its end
 _ONE_WAY = 0.6  # of readings off the line, by which those to one side are more than those to the other
 _LEAST, _MOST = 0.025, 0.7  # of the scans in which a dropout could be seen
@@ -90,6 +91,8 @@ def intermittent(work: WorkingCopy) -> tuple[list[Finding], list[Question]]:
     asked += [Question(f.strips, ("intermittent",), f.evidence) for f in still]
     loose = {f.strips for f in findings} | {q.strips for q in asked if q.causes != _CUT_OR_LOOSE}
     asked = [q for q in asked if q.causes != _CUT_OR_LOOSE or q.strips not in loose]
+    known = {i for f in findings for i in f.strips} | {i for q in asked for i in q.strips}
+    asked += [q for q in _free_wires(work, lasting) if not known & set(q.strips)]
     return [f for f in findings if f not in still], asked if len(asked) <= _MOST_ASKED else []
 
 
@@ -247,6 +250,42 @@ def _often(work: WorkingCopy, lasting: BoolArray) -> Iterator[tuple[Finding, tup
         for channel, *_, out in channels:
             work.k[channel][out[:, strip], strip] = np.nan
         work.there[gone[:, strip], strip] = True
+
+
+def _free_wires(work: WorkingCopy, lasting: BoolArray) -> Iterator[Question]:
+    """Yield questions of strips that now and then read a free wire's level, far from neighbours that move by it.
+
+    The neighbours may be on one side. No shape of one contact does so: what hangs over the sensor's end on one strip
+    alone stays on its rail where neighbours do.
+    """
+    rest = (work.sensor.rest_volt or 0.0) / work.sensor.vref_volt
+    touch = (work.sensor.touch_volt or 0.0) / work.sensor.vref_volt
+    near = max(_FREE, 5.0 * work.sigma)
+    asked = set[int]()
+    with np.errstate(invalid="ignore"):
+        at_rest = np.all([np.abs(v - rest) < touch + 4.0 * work.sigma for v in work.k.values()], axis=0)
+        at_rest &= work.sensor.rest_volt is not None
+    for name, values in work.k.items():
+        e, _, gap = work.prediction(name)
+        with np.errstate(invalid="ignore"):
+            beside = (gap < 0.3) & ~at_rest
+            free = np.any([np.abs(values - level) < near for level in {0.0, rest, 1.0}], axis=0)
+            out = beside & free & (np.abs(values - np.clip(e, 0.0, 1.0)) > _CLEAR)
+            good = beside & (np.abs(values - e) < _FAR / 2.0)
+        count, well = out.sum(axis=0), good.sum(axis=0)
+        usual = np.sort(count)[-3] if work.strips > 2 else 0
+        often = (np.minimum(count, well) >= _FEWEST) & (count > _OTHERS * usual) & ~lasting
+        for strip in np.flatnonzero(often).tolist():
+            line = e[out[:, strip], strip]
+            if strip in asked or np.ptp(line) < _PASSES_BY:
+                continue
+            asked.add(strip)
+            mixed = mixed_heights(line, e[good[:, strip], strip])
+            evidence = (
+                f"reads what a free wire does in {count[strip]} scans, beside neighbours that move by "
+                f"{100 * float(np.ptp(line)):.2g} % of Vref, and what they expect in {well[strip]}"
+            )
+            yield Question((int(work.order[strip]),), ("intermittent",) if mixed else _CUT_OR_LOOSE, evidence)
 
 
 @dataclass(frozen=True, eq=False)
