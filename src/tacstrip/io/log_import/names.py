@@ -208,13 +208,28 @@ def meanings(names: Sequence[str]) -> dict[str, Meaning]:
     return {n: found.get(n, Meaning("")) for n in names}
 
 
+def _parts_of_records(names: Sequence[str]) -> dict[str, str]:
+    """Return the last part of names of one record, such as "readings.strip" and "readings.vHigh", if that tells all."""
+    records: dict[str, list[str]] = {}
+    for name in names:
+        records.setdefault(name.rpartition(".")[0], []).append(name)
+    last = {n: n.rpartition(".")[2] for record, found in records.items() if record for n in found}
+    return {
+        n: last[n]
+        for record, found in records.items()
+        if record and {"strip", "reading"} <= {meaning(last[n]).role for n in found}
+        for n in found
+    }
+
+
 def _is_extreme(name: str) -> bool:
     return bool(_EXTREMES & {*re.findall(r"[a-z]+", name.casefold())})
 
 
 def _together(names: Sequence[str]) -> dict[str, Meaning]:
     """Return what names mean, of which none is of an extreme."""
-    split = {name: _tokens(name) for name in names}
+    parts = _parts_of_records(names)
+    split = {name: _tokens(parts.get(name, name)) for name in names}
     split |= _with_first(split)
     alike = Counter(
         t for tokens, _ in split.values() for t in set(tokens) if not t.isdecimal() and t not in _ANY
