@@ -173,7 +173,8 @@ def _decimal_of_quoted(rows: Sequence[Sequence[str]]) -> str:
     commas = [cell for cell in cells if re.fullmatch(r"[+-]?\d+,\d+", cell)]
     if not commas or any(re.fullmatch(r"[+-]?[\d,]*\.\d+", cell) for cell in cells):
         return "."
-    if all(re.fullmatch(r"[+-]?[1-9]\d{0,2},\d{3}", cell) for cell in commas):
+    in_volts = any(re.search(r"[\[(]V[\])]", cell) for cell in cells)  # of which there are no thousands
+    if not in_volts and all(re.fullmatch(r"[+-]?[1-9]\d{0,2},\d{3}", cell) for cell in commas):
         raise ReadingError(
             f"{commas[0]!r}: a decimal comma, or thousands? Write such numbers with a decimal point, "
             "without marks in between"
