@@ -659,7 +659,9 @@ def test_readings_in_frames_of_another_form_and_what_they_leave_open() -> None:
     untimed = ts.read_readings(Frame({k: w for k, w in frame.items() if k != "t_ms"}), TWO)
     assert [one.time_s for one in untimed] == [0.0 for _ in N]
     with pytest.raises(ts.ReadingError, match="in which unit"):
-        ts.read_readings(Frame({k.replace("_ms", ""): w for k, w in frame.items()} | {"t": [5.0 * i for i in N]}), TWO)
+        ts.read_readings(
+            Frame({k.replace("_ms", ""): w for k, w in frame.items()} | {"t": [5.0 * i for i in N]}), TWO
+        )
 
 
 def _composed(seed: int) -> tuple[str, np.ndarray, float, str]:
@@ -721,11 +723,17 @@ _TWO_SCANS = "0.00,2.513,1.204,,,,\n0.05,2.541,1.233,2.713,1.322,,\n"
 
 
 def test_a_last_label_without_readings_is_left_out_and_costs_no_other_scan() -> None:
-    strips = [f"strip {s}: hi={2 + 0.1 * n + 0.2 * s:.1f}V lo={1 + 0.1 * n:.1f}V" for n in range(3) for s in range(3)]
+    strips = [
+        f"strip {s}: hi={2 + 0.1 * n + 0.2 * s:.1f}V lo={1 + 0.1 * n:.1f}V"
+        for n in range(3)
+        for s in range(3)
+    ]
     frames = [f"FRAME {n} t={9 * n}ms\n" + "\n".join(strips[3 * n : 3 * n + 3]) for n in range(3)]
     found = propose(of_text("\n".join([*frames, "FRAME 3 t=27ms"])), TRIO)
     assert [round(scan.time_s, 3) for scan in found.scans] == [0.0, 0.009, 0.018]
-    assert any("line 13 ('FRAME 3 t=27ms'), the last, says nothing of a strip" in doubt for doubt in found.doubts)
+    assert any(
+        "line 13 ('FRAME 3 t=27ms'), the last, says nothing of a strip" in doubt for doubt in found.doubts
+    )
 
 
 @pytest.mark.parametrize(

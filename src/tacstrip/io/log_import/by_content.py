@@ -188,7 +188,9 @@ def _best(
     if empty is not None:
         if one.strip is None or one.which is not None:
             return None
-        table = table.with_columns({n: table.column(n) for n in table.names if n != "scan"} | {"scan": [str(r.number) for r in rows]})
+        table = table.with_columns(
+            {n: table.column(n) for n in table.names if n != "scan"} | {"scan": [str(r.number) for r in rows]}
+        )
         table = replace(table, empty=frozenset(empty))
     return rough, values, table
 

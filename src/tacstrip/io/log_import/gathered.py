@@ -56,9 +56,7 @@ def named_values(lines: list[tuple[int, str]], stamps: Mapping[int, str]) -> Tab
 def _without_counts(parsed: list[tuple[int, list[Item]]]) -> list[tuple[int, list[Item]]]:
     """Return what lines name without how many lines follow, as "touched=3" of a scan, if that is so of each."""
     forms = [tuple(item.name for item in found) for _, found in parsed]
-    ends = {
-        f for f, (_, found) in zip(forms, parsed, strict=True) if len(found) > 1 and is_label(found[:-1])
-    }
+    ends = {f for f, (_, found) in zip(forms, parsed, strict=True) if len(found) > 1 and is_label(found[:-1])}
     for form in [form for form in ends if not meaning(form[-1]).role]:
         at = [n for n, f in enumerate(forms) if f == form]
         told = [number_of(parsed[n][1][-1].values[0]) for n in at]

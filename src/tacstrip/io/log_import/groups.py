@@ -55,7 +55,9 @@ def _groups(form: str, head: str, unit: str, between: str) -> int | None:
     many, rest = divmod(len(form) + len(between) - len(head), len(unit) + len(between))
     if form == head + between.join([unit] * many) and not rest:
         return many
-    return 0 if form and form == head[: len(form)] and VALUE in form and VALUE not in head[len(form) :] else None
+    return (
+        0 if form and form == head[: len(form)] and VALUE in form and VALUE not in head[len(form) :] else None
+    )
 
 
 def _rows(

@@ -124,8 +124,12 @@ def separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) -
             f"line(s) {', '.join(map(str, out))}: readings that are commented out; passed over",
         )
     table = headed(split, width, decimal, tuple(filter(None, remarks)), named, above)
-    ends = [r[-1 - len(lacking)] for r in table.rows]  # the last fields that are there
-    if lacking and are_remarks(lacking) and any(c and (is_value(c, decimal) or says_nothing(c)) for c in ends):
+    last = [r[-1 - len(lacking)] for r in table.rows]  # the last fields that are there
+    if (
+        lacking
+        and are_remarks(lacking)
+        and any(c and (is_value(c, decimal) or says_nothing(c)) for c in ends)
+    ):
         said = f"no line has as many fields as there are names: taken as if {', '.join(lacking)} were missing"
         table = replace(table, doubts=(*table.doubts, said))
     else:
