@@ -17,7 +17,7 @@ _FEW_LINES = 4
 
 
 def in_groups(lines: Sequence[Line], values: int) -> tuple[list[Line], list[int]] | None:
-    """Return a row for each group of `values` numbers, and the lines that have none, with an empty row; None where lines have no groups.
+    """Return a row for each group of `values` numbers, and the lines that have none, with an empty row; else None.
 
     What stands before the first group belongs to each. Lines must hold different numbers of groups.
 

@@ -128,7 +128,7 @@ def separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) -
     if (
         lacking
         and are_remarks(lacking)
-        and any(c and (is_value(c, decimal) or says_nothing(c)) for c in ends)
+        and any(c and (is_value(c, decimal) or says_nothing(c)) for c in last)
     ):
         said = f"no line has as many fields as there are names: taken as if {', '.join(lacking)} were missing"
         table = replace(table, doubts=(*table.doubts, said))
