@@ -132,6 +132,7 @@ OF_VREF = {"fraction": 1.0, "percent": 1e-2, "permille": 1e-3}
 LENGTHS_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 
 
+_NUMBER_OF = frozenset({"n", "id", "no", "nr", "num", "number", "index", "idx", "i"})
 _MOST_STRIPS = 99999  # a larger number in a name is none of a strip
 _CALLED_K = re.compile(r"(?:strip|s)?[\W\d_]*k[\W\d_]*(?:h|l|hi|lo|high|low)?[\W\d_]*", re.IGNORECASE)
 _PLACE = re.compile(r" \(column \d+\)\Z")  # of one of several columns of a name
@@ -214,6 +215,11 @@ def _parts_of_records(names: Sequence[str]) -> dict[str, str]:
     for name in names:
         records.setdefault(name.rpartition(".")[0], []).append(name)
     last = {n: n.rpartition(".")[2] for record, found in records.items() if record for n in found}
+    last |= {  # as in "strip.n"
+        n: "strip"
+        for n, part in last.items()
+        if part.casefold() in _NUMBER_OF and meaning(n.split(".")[-2]).role == "strip"
+    }
     return {
         n: last[n]
         for record, found in records.items()
