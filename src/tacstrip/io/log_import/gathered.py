@@ -109,7 +109,8 @@ def _shared(parsed: list[tuple[int, list[Item]]], stamps: Mapping[int, str]) -> 
 def _says_no_contact(line: str) -> bool:
     """Return whether a line says in words that nothing touches, as in `t=3 msg="no contact"`."""
     words = re.findall(r"\"([^\"]+)\"|[=:]\s*([A-Za-z][A-Za-z _/-]*)|((?:[A-Za-z_/-]+\s*)+)\Z", line)
-    return any(says_nothing(said.strip()) for found in words for said in found if said)
+    said = [part.split() for found in words for part in found if part]
+    return any(says_nothing(" ".join(part[n:])) for part in said for n in range(len(part)))
 
 
 def _pairs(found: Sequence[Item]) -> bool:
@@ -266,6 +267,10 @@ def _gathered(
             doubts.append(
                 f"line {last[1]} ({texts[last[1]].strip()!r}), the last, says nothing of a strip: left out"
             )
+    worded = [one for one in void if _says_no_contact(texts[one[1]])]
+    if len(void) < 2 * len(worded):  # others, that say nothing, are cut
+        strange += [line for _, line, _ in void if line not in {at for _, at, _ in worded}]
+        void = worded
     if len(timed) > 1:
         void = sorted([*void, *timed], key=lambda one: one[1])
     else:
