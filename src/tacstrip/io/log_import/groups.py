@@ -67,7 +67,8 @@ def _is_void(line: Line, head: str, forms: Mapping[str, int]) -> bool:
     Else it may be cut.
     """
     first = head.find(VALUE) + 1
-    if not first or line.form[:first] != head[:first] or VALUE in line.form[first:]:
+    numbers = [t for f, t in zip(line.form, line.texts, strict=True) if f == VALUE][1:]
+    if not first or line.form[:first] != head[:first] or not all(map(says_nothing, numbers)):
         return False
     return forms[line.form] > 1 or any(t and says_nothing(t) for t in line.texts[first:])
 
