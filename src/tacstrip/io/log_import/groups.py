@@ -57,6 +57,8 @@ def in_groups(lines: Sequence[Line], values: int) -> tuple[list[Line], list[int]
 
 def _groups(line: Line, head: str, unit: str, between: str) -> int | None:
     """Return how many groups a line has, one or more; None where it has none."""
+    if not line.texts[-1]:  # it is cut behind a separator
+        return None
     many, rest = divmod(len(line.form) + len(between) - len(head), len(unit) + len(between))
     return many if many and not rest and line.form == head + between.join([unit] * many) else None
 
