@@ -288,9 +288,8 @@ def _series(log: Log) -> tuple[float, tuple[str, ...], FloatArray, bool]:
 def _take_strays(values: FloatArray) -> tuple[float, float]:
     """Take strays out of readings (scans, channels); return their share and their standard deviation."""
     each = np.arange(len(values))[:, None]
-    five = np.clip(each - 2, 0, len(values) - 5) + np.arange(
-        5
-    )  # the first and last scans have theirs on one side
+    # The first and last scans have theirs on one side.
+    five = np.clip(each - 2, 0, len(values) - 5) + np.arange(5)
     around = values[five[five != each].reshape(-1, 4)]  # (scans, 4, channels)
     with np.errstate(invalid="ignore"):
         off = values - np.median(np.nan_to_num(around), axis=1)

@@ -17,9 +17,8 @@ MomentDeviations: TypeAlias = tuple[float, FloatArray, float]
 LEVEL = 0.95  # a region's probability
 _NORMAL = 1.959964  # standard deviations within which a normal error lies with that probability
 _STEP = 1e-30  # of the complex step: its square vanishes beside any area
-_CLEAR = (
-    0.05  # deviation of the axes' difference, over it, up to which it tells how they lie whatever is likely
-)
+# Deviation of the axes' difference, over it, up to which it tells how they lie whatever is likely.
+_CLEAR = 0.05
 UNKNOWN_ANGLE = math.pi / math.sqrt(12.0)  # standard deviation of an axis that can lie anyhow [rad]
 
 

@@ -41,9 +41,8 @@ class SerialPort:
 
     def read(self, wait_s: float) -> bytes:
         """Return the bytes that have come."""
-        if (
-            self._serial.timeout != wait_s
-        ):  # setting it configures the port anew, which one that is gone refuses
+        # Setting it configures the port anew, which one that is gone refuses.
+        if self._serial.timeout != wait_s:
             self._serial.timeout = wait_s
         data: bytes = self._serial.read(1)
         return data + self._serial.read(self._serial.in_waiting) if data else data
