@@ -224,12 +224,7 @@ def _examined(part: Log, kinds: Set[str] = FAULTS.keys(), sought: Set[_Place] = 
     lifted, may_lift, no_lift = (
         loose_supply(part) if geometric and not pressed and kinds & LOOSE.keys() else ([], [], "")
     )
-    work = working_copy(_without_strays(part), sigma)
-    work.drop(*np.flatnonzero(left_out_wholly(sensor)).tolist())
-    for name, values in work.k.items():
-        beyond = [c.numbers["side"] * (values - c.numbers["level"]) > -_AT for c in ceiling]
-        out = np.any([np.zeros(values.shape, bool), *beyond], axis=0)
-        work.k[name] = np.where(out, np.nan, values / factor)
+    work = _corrected_copy(part, sigma, ceiling, factor)
     # Strips that nothing touches count as touched:
     at_rest = rest_hint(sensor, _touched_readings(part))
     comes_and_goes = geometric and not pressed and not at_rest and "intermittent" in kinds
@@ -245,41 +240,14 @@ def _examined(part: Log, kinds: Set[str] = FAULTS.keys(), sought: Set[_Place] = 
         causes = (s.finding.fault, *["intermittent"] * (s.finding.fault == "open-strip"))
         doubted.append(Question(s.finding.strips, causes, s.finding.evidence))
     named = [s for s in named if not s.doubtful]
-    # Strips in the wrong order have a gap at a contact's end, and so do, by them, those beside.
-    exchanged = {i for s in named if s.finding.fault == "swapped-strips" for i in s.finding.strips}
-    beside = {i + side for i in exchanged for side in (-1, 0, 1)}
-    loose = [f for f in loose if not beside & set(f.strips)]
-    doubted = [q for q in doubted if "intermittent" not in q.causes or not beside & set(q.strips)]
+    loose, doubted = _not_beside_exchanged(loose, doubted, named)
     removed = [*pressed, *loose, *_silent_channels(part), *_merged([s.finding for s in named])]
     if "saturation" in kinds and not (pressed or ceiling or reference):
         faulty = {i for f in removed for i in f.strips}
         removed += [f for f in single_ceilings(part, sigma) if not faulty & set(f.strips)]
     slow, settled = Drifts([], [], [], np.full(work.strips, np.inf)), set[_Place]()
     if kinds & {"drift", "wander"}:
-        tied = [s for s in named if s.finding.fault == "short"]
-        for suspect in named:
-            if suspect not in tied:
-                suspect.repair(work)
-        work.changed()
-        timed = places(work, max(len(part.time_s) // _TIMED, 1))
-        pair = tied_under_outline(timed) if geometric and sensor.sensing_ratio and not sought else None
-        if pair is not None:
-            fresh = not {i for f in removed for i in f.strips} & set(pair.finding.strips)
-            if fresh or not pair.doubtful:
-                settled.add((pair.finding.fault, pair.finding.strips))
-            if fresh and pair.doubtful and pair.finding.strips not in {q.strips for q in doubted}:
-                doubted.append(Question(pair.finding.strips, (pair.finding.fault,), pair.finding.evidence))
-            elif fresh and not pair.doubtful:
-                removed.append(pair.finding)
-                tied.append(pair)
-        for suspect in tied:
-            suspect.repair(timed)
-        slow = drift(
-            part,
-            timed,
-            timed.time_s,
-            {i for fault, strips in sought if fault in ("drift", "wander") for i in strips},
-        )
+        slow, settled = _slow_changes(part, work, named, removed, doubted, sought)
     settled |= {(fault, (i,)) for fault in _SLOW for i in slow.settled}
     humming, no_hum = hum(part, sigma) if "hum" in kinds else ([], "")
     loud = {f.strips for f in humming}
@@ -310,6 +278,68 @@ def _examined(part: Log, kinds: Set[str] = FAULTS.keys(), sought: Set[_Place] = 
             no_hum,
         ),
     )
+
+
+def _corrected_copy(part: Log, sigma: float, ceiling: list[Finding], factor: float) -> WorkingCopy:
+    """Return the readings to work on: over the reference that they show, without strays and what a ceiling cuts."""
+    work = working_copy(_without_strays(part), sigma)
+    work.drop(*np.flatnonzero(left_out_wholly(part.sensor)).tolist())
+    for name, values in work.k.items():
+        beyond = [c.numbers["side"] * (values - c.numbers["level"]) > -_AT for c in ceiling]
+        out = np.any([np.zeros(values.shape, bool), *beyond], axis=0)
+        work.k[name] = np.where(out, np.nan, values / factor)
+    return work
+
+
+def _not_beside_exchanged(
+    loose: list[Finding], doubted: list[Question], named: list[Suspect]
+) -> tuple[list[Finding], list[Question]]:
+    """Leave out what comes and goes beside strips in the wrong order.
+
+    They have a gap at a contact's end, and so do, by them, those beside.
+    """
+    exchanged = {i for s in named if s.finding.fault == "swapped-strips" for i in s.finding.strips}
+    beside = {i + side for i in exchanged for side in (-1, 0, 1)}
+    return (
+        [f for f in loose if not beside & set(f.strips)],
+        [q for q in doubted if "intermittent" not in q.causes or not beside & set(q.strips)],
+    )
+
+
+def _slow_changes(
+    part: Log,
+    work: WorkingCopy,
+    named: list[Suspect],
+    removed: list[Finding],
+    doubted: list[Question],
+    sought: Set[_Place],
+) -> tuple[Drifts, set[_Place]]:
+    """Look for drift and wander once what was named is repaired, and say which faults sought are settled.
+
+    What an outline that fits all scans tells of tied strips is added to `removed`, or to `doubted`.
+    """
+    sensor, settled = part.sensor, set[_Place]()
+    tied = [s for s in named if s.finding.fault == "short"]
+    for suspect in named:
+        if suspect not in tied:
+            suspect.repair(work)
+    work.changed()
+    timed = places(work, max(len(part.time_s) // _TIMED, 1))
+    outlined = sensor.kind.closed_form and sensor.sensing_ratio and not sought
+    pair = tied_under_outline(timed) if outlined else None
+    if pair is not None:
+        fresh = not {i for f in removed for i in f.strips} & set(pair.finding.strips)
+        if fresh or not pair.doubtful:
+            settled.add((pair.finding.fault, pair.finding.strips))
+        if fresh and pair.doubtful and pair.finding.strips not in {q.strips for q in doubted}:
+            doubted.append(Question(pair.finding.strips, (pair.finding.fault,), pair.finding.evidence))
+        elif fresh and not pair.doubtful:
+            removed.append(pair.finding)
+            tied.append(pair)
+    for suspect in tied:
+        suspect.repair(timed)
+    of_strips = {i for fault, strips in sought if fault in ("drift", "wander") for i in strips}
+    return drift(part, timed, timed.time_s, of_strips), settled
 
 
 def _without_strays(log: Log) -> Log:
