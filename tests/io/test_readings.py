@@ -132,6 +132,10 @@ FAULTS: dict[str, tuple[str | bytes, str]] = {
         HEAD + "".join(f"{s},0,{i},1,1\n" for s in (0, 1) for i in range(3)) + "0,0,0,1,1\n",
         "line 8: scan 0 comes again",
     ),
+    "cut off in quotes": (
+        'scan,time_s,strip,v_h,v_l,note\n0,0,0,1,1,"of, "\n0,0,1,1,1,"of',
+        "a field in quotes has no end; the last line has no line end: is the file cut off",
+    ),
     "code too large": (
         "scan,time_s,strip,code_h\n0,0,0,5000\n",
         "code_h = 5000 is outside 0 to 4095; check adc_bits",
