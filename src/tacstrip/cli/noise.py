@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from tacstrip.reconstruction.noise_covariance import Averaging, reading_variance
 from tacstrip.sensor.spec import Sensor, with_noise
 
 _SHOWN = (1, 16, 64)  # scans averaged
+_REPLACED = "; its [noise] table replaces the one that was there"
 
 
 @click.command()
@@ -74,7 +76,8 @@ def command(
             own = text and Path(text).is_file()
             given = Path(text).read_text(encoding="utf-8") if text and own else log.sensor.to_toml()
             write_text(target, with_noise(given, found.noise))
-            click.echo(f"{target} written")
+            had = target == write and "noise" in tomllib.loads(given)
+            click.echo(f"{target} written" + (_REPLACED if had else ""))
 
 
 def _lines(found: LearnedNoise, sensor: Sensor) -> Iterator[str]:
