@@ -11,7 +11,7 @@ import click
 
 from tacstrip.cli import load_log, options, protect, warn, warn_of_log
 from tacstrip.diagnose.learned_noise import LearnedNoise, learn_noise
-from tacstrip.errors import OptionError, ReadingError
+from tacstrip.errors import OptionError, ReadingError, figures
 from tacstrip.files import write_text
 from tacstrip.reconstruction.noise_covariance import Averaging, reading_variance
 from tacstrip.sensor.spec import Sensor, with_noise
@@ -86,7 +86,7 @@ def _lines(found: LearnedNoise, sensor: Sensor) -> Iterator[str]:
 
     def percent(sigma: float, part: str = "") -> str:
         about = f" +- {100.0 * min(sure[part], 9.99):.2g} % of it" if part in sure else ""
-        return f"{100.0 * sigma:.3g} % of Vref ({sigma * sensor.length_mm:.2g} mm){about}"
+        return f"{100.0 * sigma:.3g} % of Vref ({figures(sigma * sensor.length_mm)} mm){about}"
 
     yield (
         f"{found.scans} scans over {found.period_s * (found.scans - 1):.4g} s, {len(found.channels)} channels; "

@@ -20,7 +20,7 @@ from tacstrip.contact.signature import signatures
 from tacstrip.diagnose.allan import allan_deviation, processes, variogram
 from tacstrip.diagnose.hum import MAINS
 from tacstrip.diagnose.log import Log
-from tacstrip.errors import ReadingError, TacstripError
+from tacstrip.errors import ReadingError, TacstripError, figures
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.cramer_rao import vertex_jacobian
 from tacstrip.reconstruction.noise_covariance import Averaging, own_variance, reading_covariance
@@ -137,13 +137,14 @@ def learn_noise(log: Log, vertices: int | None = None) -> LearnedNoise:
     lasts_s = period_s * (len(values) - 1)
     if lasts_s < _MINUTE_S:
         unidentifiable.append(
-            f"a wander of {lasts_s:.3g} s or longer: record a minute or more of a still press"
+            f"a wander of {figures(lasts_s, 3)} s or longer: record a minute or more of a still press"
         )
     strays, stray_size = _take_strays(values)
     hum, hum_hz = _take_hum(values, period_s)
     if hum < 0.0:
         unidentifiable.append(
-            f"hum: {1.0 / period_s:.3g} scans a second, over {lasts_s:.3g} s, do not tell it from other noise"
+            f"hum: {figures(1.0 / period_s, 3)} scans a second, over {figures(lasts_s, 3)} s, do not tell it from "
+            "other noise"
         )
     _refuse_motion(values)
     lags, own, shared = variogram(values, [name.split()[0] for name in channels])
@@ -193,7 +194,7 @@ def _how_sure(values: FloatArray, lasts_s: float, wander_s: FloatArray) -> tuple
     if lasts_s >= 3.0 * longest_s:
         return sure, []
     return sure, [
-        f"how far the zero wanders in longer than {lasts_s / 3.0:.2g} s, but by the strips' differences"
+        f"how far the zero wanders in longer than {figures(lasts_s / 3.0)} s, but by the strips' differences"
     ]
 
 
