@@ -98,9 +98,8 @@ def test_one_piece_is_two_objects_as_probably_as_the_polygon_fit_says() -> None:
     scan = _scan(low, high, sensor=sensor, noise=noise)
     fitted = ts.fit_polygon(scan, sensor, noise).objects[0]
     found = ts.reconstruct(scan, sensor, noise, method="pieces").objects
-    assert [(p.status, p.alternatives[0].weight) for p in found] == [
-        ("doubtful", pytest.approx(fitted.alternatives[0].weight, abs=0.1))
-    ]
+    assert [p.status for p in found] == ["doubtful"]
+    assert found[0].alternatives[0].weight == pytest.approx(fitted.alternatives[0].weight, abs=0.1)
     assert "two objects on the same strips" in found[0].advice
 
 
