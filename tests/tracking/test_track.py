@@ -602,7 +602,7 @@ def test_corners_on_many_strips_are_counted_once_offsets_are_known(monkeypatch: 
 
 def test_an_uncalibrated_unit_is_to_be_calibrated_before_an_object_is_said_to_deform() -> None:
     sensor = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=10.0, length_mm=100.0)
-    calibrated = replace(sensor, calibration=Calibration(()))
+    calibrated = replace(sensor, calibration=Calibration(channels=()))
     for unit, off, said in (
         (sensor, 0.015, "channels seem off by up to 1.5 % of Vref: calibrate the unit first"),
         (sensor, 0.001, ""),
