@@ -37,7 +37,7 @@ _FAR_OUT = 10.0  # over Vref
 _GRID = 1_000_000  # even times at most
 _STRAY, _LEAST_STRAY = 6.0, 0.002  # standard deviations, and of Vref
 _MOVED = 0.025  # of Vref: the median channel's slow change that is no wander
-_CREEPS, _LEFT = 0.9, 2  # of slow change that is a motion; channels beyond what motions can explain, at least
+_CREEPS, _LEFT = 0.8, 2  # of slow change that is a motion; channels beyond what motions can explain, at least
 _BLOCKS = 12  # means that tell slow change
 _LINE = 14.0  # times the power at nearby frequencies: a line
 # Time constant of what does not change at all, at least, and over the recording's length.
