@@ -18,6 +18,8 @@ import tacstrip as ts
 import tacstrip.reconstruction
 import tacstrip.stream
 from tacstrip import errors
+from tacstrip.diagnose import read_log
+from tacstrip.errors import figures
 from tacstrip.stream import encode
 from tacstrip.tracking import LiveObject
 
@@ -146,3 +148,22 @@ def test_objects_show_themselves_in_a_line() -> None:
         assert repr(one).endswith(">")
         assert "\n" not in repr(one)
         assert len(repr(one)) < 200
+
+
+def test_a_table_in_place_of_a_file_is_named() -> None:
+    class DataFrame: ...
+
+    for read in (ts.read_runs, read_log):
+        with pytest.raises(ts.ArgumentError, match=r"path is a DataFrame, not a Path; .*table\.to_csv"):
+            read(DataFrame(), S)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("value", "digits", "text"),
+    [(140.2, 2, "140"), (1000.0, 3, "1000"), (99.6, 2, "100"), (0.0123, 2, "0.012"), (1e-6, 2, "1e-06")],
+)
+def test_numbers_in_messages_have_no_exponent_where_they_are_large(
+    value: float, digits: int, text: str
+) -> None:
+    assert figures(value, digits) == text
+    assert "e" not in figures(np.inf).replace("inf", "")

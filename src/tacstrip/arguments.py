@@ -21,6 +21,7 @@ _MAKE = {
     "Sensor": 'ts.Sensor.load("sensor.toml") or ts.Sensor(construction=..., strips=..., pitch_mm=..., length_mm=...)',
     "Scan": "ts.Scan(kh=..., kl=...), or one of ts.read_readings(file, sensor)",
     "Contact": "ts.Contact.polygon([(x, y), ...]), .line, .points, or ts.read_contact(file)",
+    "Path": '"runs.csv", the name of a file; a table is first written to one: table.to_csv("runs.csv", index=False)',
     "Noise": "ts.Noise(positional=0.005)",
     "Footprint": "ts.footprint(sensor, contact)",
     "Runs": "ts.read_runs(file, sensor)",

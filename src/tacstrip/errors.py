@@ -169,6 +169,12 @@ def number(text: str) -> float:
     return float(text)
 
 
+def figures(value: float, digits: int = 2) -> str:
+    """Return a number to so many significant digits, large ones without an exponent: 140, not 1.4e+02."""
+    text = f"{value:.{digits}g}"
+    return f"{float(text):.0f}" if "e+" in text else text
+
+
 def in_words(error: BaseException) -> str:
     """Say what an exception means: a message of ours as it is, of a system call what and where, else its kind too."""
     if isinstance(error, TacstripError):

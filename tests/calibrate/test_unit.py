@@ -537,7 +537,8 @@ def test_a_slanted_press_shows_exchanged_strips(wide: float) -> None:
     with pytest.raises(ts.ReadingError, match="strip 0 is 6, 1 is 7, 2 is 0"):
         ts.calibrate_unit(*_planned_runs("shifted", np.random.default_rng(1), wide))
     with pytest.raises(
-        ts.ReadingError, match="slanted across the strips lie the other way than the runs say"
+        ts.ReadingError,
+        match=r"slanted across the strips lie the other way than the runs say.*side\? Put it right",
     ):
         ts.calibrate_unit(*_planned_runs("mirrored", np.random.default_rng(2), wide))
 

@@ -41,6 +41,7 @@ def test_a_still_press_becomes_a_table_that_everything_takes(folder: Path) -> No
     assert "A mean of 64 scan(s) is off by" in done.output
     assert "Cannot tell a common offset of all channels" in done.output
     assert picture.stat().st_size > 5000
+    assert "replaces" not in done.output
     text = spec.read_text()
     assert text.startswith("# mine\n")
     assert text.count("[noise]") == 1
@@ -50,6 +51,8 @@ def test_a_still_press_becomes_a_table_that_everything_takes(folder: Path) -> No
     again = run("noise", folder / "still.csv", spec, "-o", folder / "new.toml", "--vertices", 4)
     assert again.exit_code == 0, again.output
     assert (folder / "new.toml").read_text().count("[noise]") == 1
+    twice = run("noise", folder / "still.csv", "--write", spec, "--vertices", 4)
+    assert "sensor.toml written; its [noise] table replaces the one that was there" in twice.output
 
     made = run(
         "simulate",

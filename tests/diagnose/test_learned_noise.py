@@ -137,6 +137,21 @@ def test_a_contact_that_moves_is_no_noise() -> None:
         learn_noise(Log.of_scans(SENSOR, still))
 
 
+@pytest.mark.parametrize(("dx", "turn"), [(0.0, 0.001), (0.03, 0.0), (0.0, 0.0005)])
+def test_a_contact_that_creeps_slowly_is_no_wander(dx: float, turn: float) -> None:
+    """By 7 or 3.5 degrees, or 3.6 mm across the strips, ever more slowly: half of the channels change little."""
+    about = TRUTH.mean(axis=0)
+    scans = []
+    for i in range(120):
+        far = 120.0 * np.log1p(i / 20.0) / np.log1p(6.0)
+        cosine, sine = np.cos(turn * far), np.sin(turn * far)
+        corners = (TRUTH - about) @ [[cosine, sine], [-sine, cosine]] + about + [dx * far, 0.0]
+        contact = ts.Contact.polygon(corners)
+        scans.append(ts.simulate(SENSOR, contact, ts.Noise(white=0.002), rng=i, time_s=0.5 * i))
+    with pytest.raises(ReadingError, match=r"the contact creeps: [89]\d % of the slow change"):
+        learn_noise(Log.of_scans(SENSOR, scans))
+
+
 def test_untouched_strips_tell_the_converters_noise_only() -> None:
     sensor = replace(SENSOR, rest_volt=0.0, touch_volt=1.0, adc_bits=10)
     raw = np.abs(np.random.default_rng(0).normal(0.01, 0.002, (100, 20)))

@@ -124,7 +124,9 @@ def test_a_number_that_is_cut_is_told(tmp_path: Path) -> None:
         ("\n".join(lines)[:-2] + "\n", ""),  # somebody rounded it
         ("\n".join(lines)[:-2], "its last number, 3.30, fewer digits than the others: is the file cut off?"),
         ("\n".join(lines)[:-5], "its last number, 3"),
-        ("\n".join(lines[:5])[:-2], ""),  # too few to say
+        ("\n".join(lines[:5])[:-2], "its last number, 1.40"),  # the column beside tells, too
+        ("\n".join(lines[:4])[:-2], ""),  # too few to say
+        ("\n".join(f"0,{i}.0,{i}.5,{1.0 + 0.1 * i:.4f}" for i in range(5))[:-2], ""),  # other digits beside
         ("", ""),
     ):
         file.write_text(f"scan,time_s,strip,v_h,v_l\n{text}")

@@ -127,10 +127,18 @@ FAULTS: dict[str, tuple[str | bytes, str]] = {
         HEAD + "0,0,0,-0.2,1\n",
         "line 2: v_h = -0.2 V is outside 0 to 6.05 V; check the wiring",
     ),
+    "shuffled": (
+        HEAD + "".join(f"{s},0,{i},1,1\n" for s, i in ((0, 1), (1, 0), (0, 0))),
+        "scan 0 .from line 2. has no line for strip 0; .*all lines of a scan must be together",
+    ),
     "cut off": (HEAD + "0,0,0,1,1\n0,0,1,1", "line 3 has 4 fields and the header 5: is the file cut off"),
     "scan comes back": (
         HEAD + "".join(f"{s},0,{i},1,1\n" for s in (0, 1) for i in range(3)) + "0,0,0,1,1\n",
         "line 8: scan 0 comes again",
+    ),
+    "cut off in quotes": (
+        'scan,time_s,strip,v_h,v_l,note\n0,0,0,1,1,"of, "\n0,0,1,1,1,"of',
+        "a field in quotes has no end; the last line has no line end: is the file cut off",
     ),
     "code too large": (
         "scan,time_s,strip,code_h\n0,0,0,5000\n",

@@ -89,6 +89,20 @@ def test_one_piece_that_two_objects_may_be_is_doubtful() -> None:
     assert whole.status == "ok"
 
 
+def test_one_piece_is_two_objects_as_probably_as_the_polygon_fit_says() -> None:
+    """Both lie on the same strips, but for one that the lower one reaches further."""
+    sensor = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=7.0, length_mm=120.0)
+    low = Polygon([(10, 15), (60, 20), (55, 40), (15, 38)])
+    high = Polygon([(12, 65), (58, 62), (60, 95), (14, 100)])
+    noise = ts.Noise(positional=0.003)
+    scan = _scan(low, high, sensor=sensor, noise=noise)
+    fitted = ts.fit_polygon(scan, sensor, noise).objects[0]
+    found = ts.reconstruct(scan, sensor, noise, method="pieces").objects
+    assert [p.status for p in found] == ["doubtful"]
+    assert found[0].alternatives[0].weight == pytest.approx(fitted.alternatives[0].weight, abs=0.1)
+    assert "two objects on the same strips" in found[0].advice
+
+
 def test_the_covariance_covers_what_is_seen_and_says_nothing_of_what_is_hidden() -> None:
     score = []
     for seed in range(12):

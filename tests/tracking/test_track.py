@@ -7,6 +7,7 @@ import math
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -24,6 +25,7 @@ from tacstrip.core.rigid import RigidScans, descend, fit_poses, linearised, loss
 from tacstrip.geometry.moments import moments
 from tacstrip.geometry.pose import placed
 from tacstrip.plot.tracks import track_figure
+from tacstrip.sensor.calibration import Calibration
 from tacstrip.tracking.episodes import episodes, spanned
 from tacstrip.tracking.geojson import track_collection
 from tacstrip.tracking.rigid.corners import Fit, fitted, not_sure, posed, recounted, unstuck
@@ -49,7 +51,7 @@ from tacstrip.tracking.rigid.search import _compared, freer_spline, likelier
 from tacstrip.tracking.rigid.smooth_path import fit_corners, one_after_another, radii_of, spline_basis
 from tacstrip.tracking.rigid.strain import strain_gain
 from tacstrip.tracking.scan_noise import correlation_of_strips, noise_between_scans
-from tacstrip.tracking.summary import less_than_half_turns
+from tacstrip.tracking.summary import _uncalibrated, less_than_half_turns
 
 NOISE = ts.Noise(positional=0.005)
 
@@ -610,6 +612,20 @@ def test_corners_on_many_strips_are_counted_once_offsets_are_known(monkeypatch: 
     assert of.outline is not None
     assert (one.status, len(one.outline), len(counted)) == ("ok", len(of.outline), 1)
     assert counted[0] < 1.1 < len(one.offsets)  # times the freedom: without what the channels are off
+
+
+def test_an_uncalibrated_unit_is_to_be_calibrated_before_an_object_is_said_to_deform() -> None:
+    sensor = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=10.0, length_mm=100.0)
+    calibrated = replace(sensor, calibration=Calibration(channels=()))
+    for unit, off, said in (
+        (sensor, 0.015, "channels seem off by up to 1.5 % of Vref: calibrate the unit first"),
+        (sensor, 0.001, ""),
+        (calibrated, 0.015, ""),
+    ):
+        one = SimpleNamespace(found=SimpleNamespace(offsets=Offsets(np.full((2, 10), off), 0.02)))
+        told = _uncalibrated(one, unit)  # type: ignore[arg-type]
+        assert told.startswith(said)
+        assert bool(told) == bool(said)
 
 
 def test_regions_with_offsets_allow_for_more_than_their_bound(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,6 +11,7 @@ from tacstrip.calibrate.fit import ModelFit, usable_rows
 from tacstrip.calibrate.model import apply
 from tacstrip.calibrate.residuals import residuals
 from tacstrip.contact.noise import Noise
+from tacstrip.errors import figures
 from tacstrip.io.runs import Runs
 from tacstrip.reconstruction.cramer_rao import reading_sigma
 from tacstrip.robust import robust_sigma
@@ -240,8 +241,8 @@ def _implausible(fit: ModelFit) -> str:
         gain = float(np.median(1.0 + c.value(f"gain {name}")))
         if not 1.0 / _GAIN <= gain <= _GAIN:
             return (
-                f"readings would have to be {gain:.2g} times what the spec's strips give; are length_mm, vref_volt "
-                "and adc_bits in the spec right, and is it this sensor's?"
+                f"readings would have to be {figures(gain)} times what the spec's strips give; are length_mm, "
+                "vref_volt and adc_bits in the spec right, and is it this sensor's?"
             )
         if c.model.has("curve"):
             bend = np.median(c.curve(name) - c.model.knots, axis=0)
@@ -250,7 +251,7 @@ def _implausible(fit: ModelFit) -> str:
                 return f"curves would have to be up to {worst:+.0f} % of Vref off"
     ratio = float(np.exp(np.median(c.value("ratios" if c.model.has("ratios") else "ratio"))))
     if not 1.0 / _RATIO <= ratio <= _RATIO:
-        return f"the ratio of resistivities would have to be {ratio:.2g} times the spec's"
+        return f"the ratio of resistivities would have to be {figures(ratio)} times the spec's"
     if c.value("lambda") > _LAMBDA:
         return f"contact_lambda_mm would have to be {100.0 * c.value('lambda'):.0f} % of the strips' length"
     return ""

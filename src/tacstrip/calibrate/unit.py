@@ -33,7 +33,6 @@ from tacstrip.sensor.left_out import leave_out, left_out
 from tacstrip.sensor.raw import with_equal_codes
 from tacstrip.sensor.spec import Sensor
 
-_PUT_RIGHT = "Put it right; if the runs are right as they are, give --force"
 _PLACES = 24  # along a strip
 _LENGTHS = (0.0, 0.15, 0.3, 0.45)  # of a strip
 _SIGMAS, _ONE_SIDE = 2.0, 1.64  # that hold 95 %: of an error about 0, of one about something large
@@ -342,7 +341,7 @@ def calibrate_unit(
             or exchanged_strips(plain, runs, first)
             or (other and exchanged_places(plain, as_read, other))
         ):
-            raise ReadingError(f"{why}. {_PUT_RIGHT}")
+            raise ReadingError(_put_right(why))
     with_means = replace(plain, calibration=mean_offsets(plain, halves))
     fit: ModelFit | None = None
     trials: tuple[Trial, ...] = ()
@@ -350,7 +349,7 @@ def calibrate_unit(
     if model == "auto":
         fit, trials = select_model(plain, runs, search)
         if other and (why := likelier_assignment(plain, fit, other)):
-            raise ReadingError(f"{why}. {_PUT_RIGHT}")
+            raise ReadingError(_put_right(why))
         others = [
             f
             for f in search.tried.values()
@@ -395,6 +394,10 @@ def calibrate_unit(
         changed=_changed(sensor, runs),
         longer_mm=0.0 if fit is None or fit.places is None else fit.places.longer_mm(fit.errors),
     )
+
+
+def _put_right(why: str) -> str:
+    return f"{why}{'' if why.endswith('?') else '.'} Put it right; if the runs are right as they are, give --force"
 
 
 def _fitted(runs: Runs, sensor: Sensor, out: BoolArray) -> Runs:

@@ -17,7 +17,7 @@ import click
 from tacstrip.cli import check_method, load_layers, new_file, note, options, warn_of_input
 from tacstrip.cli.replay import warn_of_cut
 from tacstrip.contact.noise import Noise
-from tacstrip.errors import OptionError, PortError
+from tacstrip.errors import OptionError, PortError, figures
 from tacstrip.files import write_text
 from tacstrip.interrupt import deferred_interrupt, worker_processes
 from tacstrip.reconstruction.methods import chosen_method
@@ -239,7 +239,7 @@ def _stream(
 def _status(live: Live) -> str:
     """Say in a line how the stream is."""
     rate_hz, recorder = live.meter.rate_hz, live.recording
-    text = f"{rate_hz:.3g} scans/s" if rate_hz else "no scans come"
+    text = f"{figures(rate_hz, 3)} scans/s" if rate_hz else "no scans come"
     return text if recorder is None else f"{text}; recording to {recorder.path}"
 
 
@@ -247,8 +247,8 @@ def _line(one: LiveTrack) -> str:
     """Say what the scans told of an object over time."""
     text = f"object {one.id}: {one.status}"
     if len(one.outline):
-        text += f", {len(one.outline)} corners, {one.area_mm2:.6g} mm2 +- {one.area_deviation_mm2:.2g}"
-        text += f", corners known to {one.corner_deviation_mm:.2g} mm from {one.scans} scans"
+        text += f", {len(one.outline)} corners, {one.area_mm2:.6g} mm2 +- {figures(one.area_deviation_mm2)}"
+        text += f", corners known to {figures(one.corner_deviation_mm)} mm from {one.scans} scans"
     return f"{text}. {one.advice}" if one.advice else text
 
 

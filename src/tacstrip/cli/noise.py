@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,12 +11,13 @@ import click
 
 from tacstrip.cli import load_log, options, protect, warn, warn_of_log
 from tacstrip.diagnose.learned_noise import LearnedNoise, learn_noise
-from tacstrip.errors import OptionError, ReadingError
+from tacstrip.errors import OptionError, ReadingError, figures
 from tacstrip.files import write_text
 from tacstrip.reconstruction.noise_covariance import Averaging, reading_variance
 from tacstrip.sensor.spec import Sensor, with_noise
 
 _SHOWN = (1, 16, 64)  # scans averaged
+_REPLACED = "; its [noise] table replaces the one that was there"
 
 
 @click.command()
@@ -74,7 +76,8 @@ def command(
             own = text and Path(text).is_file()
             given = Path(text).read_text(encoding="utf-8") if text and own else log.sensor.to_toml()
             write_text(target, with_noise(given, found.noise))
-            click.echo(f"{target} written")
+            had = target == write and "noise" in tomllib.loads(given)
+            click.echo(f"{target} written" + (_REPLACED if had else ""))
 
 
 def _lines(found: LearnedNoise, sensor: Sensor) -> Iterator[str]:
@@ -83,7 +86,7 @@ def _lines(found: LearnedNoise, sensor: Sensor) -> Iterator[str]:
 
     def percent(sigma: float, part: str = "") -> str:
         about = f" +- {100.0 * min(sure[part], 9.99):.2g} % of it" if part in sure else ""
-        return f"{100.0 * sigma:.3g} % of Vref ({sigma * sensor.length_mm:.2g} mm){about}"
+        return f"{100.0 * sigma:.3g} % of Vref ({figures(sigma * sensor.length_mm)} mm){about}"
 
     yield (
         f"{found.scans} scans over {found.period_s * (found.scans - 1):.4g} s, {len(found.channels)} channels; "

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from tacstrip.cli import load_sensor, note, one_layer, options, protect, warn, warn_of_input
 from tacstrip.cli.replay import warn_of_cut
 from tacstrip.contact.noise import Noise
-from tacstrip.errors import OptionError, ReadingError
+from tacstrip.errors import OptionError, ReadingError, figures
 from tacstrip.files import replacing
 from tacstrip.io.input_checks import half_read, implausible, misread
 from tacstrip.io.readings import read_readings
@@ -151,20 +151,21 @@ def _way(one: Track, seen: npt.NDArray[np.int_]) -> str:
     if off > 180.0:  # a scan at the border tells no angle
         off = float(np.sqrt(2.0) * np.nanmedian(spread[:, 2]))
     ways = [
-        f"{way:.3g} mm" + (f" +- {sigma:.2g}" if np.isfinite(sigma) and sigma > 0.0 else "")
+        f"{figures(way, 3)} mm" + (f" +- {figures(sigma)}" if np.isfinite(sigma) and sigma > 0.0 else "")
         for way, sigma in zip(net[:2], np.hypot(spread[0], spread[-1])[:2], strict=True)
     ]
     text = f"its centroid moved {ways[0]} across and {ways[1]} along the strips from first to last"
     if one.by_scan is not None:
         return f"{text}; how far it turned is not known"
     if off > _OPEN_DEG:
-        return f"{text}; how far it turned is not known (+- {off:.2g} deg)"
+        return f"{text}; how far it turned is not known (+- {figures(off)} deg)"
     text += f", {'perhaps ' if one.status == 'doubtful' else ''}turned {net[2]:.3g} deg"
     if off > 0.0:
-        text += f" +- {off:.2g}"
+        text += f" +- {figures(off)}"
     more = most > np.abs(net) + 6.0 * np.nan_to_num(np.nanmedian(spread, axis=0)) + (0.1, 0.1, 0.1)
     if more.any():
-        text += f" (at most {most[0]:.3g} mm, {most[1]:.3g} mm and {most[2]:.3g} deg apart between two scans)"
+        across, along, turned = (figures(value, 3) for value in most)
+        text += f" (at most {across} mm, {along} mm and {turned} deg apart between two scans)"
     return text
 
 
@@ -178,7 +179,7 @@ def _line(one: Track) -> str:
         text += f", {len(one.joint)} of them on strips shared with others"
     if len(one.outline):
         area, off = one.area_mm2, one.area_deviation_mm2
-        spread = f" +- {off:.2g}" if np.isfinite(off) else ""
+        spread = f" +- {figures(off)}" if np.isfinite(off) else ""
         what = f"{len(one.outline)} corners" if one.kind == "polygon" else one.kind
         text += f", {what}, " + ("an area that is not known" if off > area else f"{area:.6g} mm2{spread}")
         text += f", {_way(one, seen)}"

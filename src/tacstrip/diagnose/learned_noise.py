@@ -20,7 +20,7 @@ from tacstrip.contact.signature import signatures
 from tacstrip.diagnose.allan import allan_deviation, processes, variogram
 from tacstrip.diagnose.hum import MAINS
 from tacstrip.diagnose.log import Log
-from tacstrip.errors import ReadingError, TacstripError
+from tacstrip.errors import ReadingError, TacstripError, figures
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.cramer_rao import vertex_jacobian
 from tacstrip.reconstruction.noise_covariance import Averaging, own_variance, reading_covariance
@@ -37,6 +37,7 @@ _FAR_OUT = 10.0  # over Vref
 _GRID = 1_000_000  # even times at most
 _STRAY, _LEAST_STRAY = 6.0, 0.002  # standard deviations, and of Vref
 _MOVED = 0.025  # of Vref: the median channel's slow change that is no wander
+_CREEPS, _LEFT = 0.8, 2  # of slow change that is a motion; channels beyond what motions can explain, at least
 _BLOCKS = 12  # means that tell slow change
 _LINE = 14.0  # times the power at nearby frequencies: a line
 # Time constant of what does not change at all, at least, and over the recording's length.
@@ -136,13 +137,14 @@ def learn_noise(log: Log, vertices: int | None = None) -> LearnedNoise:
     lasts_s = period_s * (len(values) - 1)
     if lasts_s < _MINUTE_S:
         unidentifiable.append(
-            f"a wander of {lasts_s:.3g} s or longer: record a minute or more of a still press"
+            f"a wander of {figures(lasts_s, 3)} s or longer: record a minute or more of a still press"
         )
     strays, stray_size = _take_strays(values)
     hum, hum_hz = _take_hum(values, period_s)
     if hum < 0.0:
         unidentifiable.append(
-            f"hum: {1.0 / period_s:.3g} scans a second, over {lasts_s:.3g} s, do not tell it from other noise"
+            f"hum: {figures(1.0 / period_s, 3)} scans a second, over {figures(lasts_s, 3)} s, do not tell it from "
+            "other noise"
         )
     _refuse_motion(values)
     lags, own, shared = variogram(values, [name.split()[0] for name in channels])
@@ -165,6 +167,7 @@ def learn_noise(log: Log, vertices: int | None = None) -> LearnedNoise:
     sure, long_wander = _how_sure(values, lasts_s, time_s[1:])
     unidentifiable += long_wander
     if touched:
+        _refuse_creep(log, values, channels, period_s)
         noise, more, untold = _of_the_contact(log, noise, values, channels, period_s, white + step, vertices)
         sure |= more
         unidentifiable += untold
@@ -191,7 +194,7 @@ def _how_sure(values: FloatArray, lasts_s: float, wander_s: FloatArray) -> tuple
     if lasts_s >= 3.0 * longest_s:
         return sure, []
     return sure, [
-        f"how far the zero wanders in longer than {lasts_s / 3.0:.2g} s, but by the strips' differences"
+        f"how far the zero wanders in longer than {figures(lasts_s / 3.0)} s, but by the strips' differences"
     ]
 
 
@@ -333,6 +336,68 @@ def _refuse_motion(values: FloatArray) -> None:
         )
 
 
+def _refuse_creep(log: Log, values: FloatArray, channels: Sequence[str], period_s: float) -> None:
+    """Refuse a recording of which nearly all slow change grows evenly, and as where outlines are shifted and turned.
+
+    What all strips of a signature share is left aside: a shift along the strips hardly differs from a common wander.
+    """
+    means = np.nan_to_num(np.stack([np.nanmean(part, axis=0) for part in np.array_split(values, _BLOCKS)]))
+    names = np.array([name.split()[0] for name in channels])
+    shared, _ = np.linalg.qr((names[:, None] == np.unique(names)).astype(float))
+    slow, moved = (
+        each - shared @ (shared.T @ each)
+        for each in ((means - means.mean(axis=0)).T, _motions(log, channels, period_s))
+    )
+    basis, size, _ = np.linalg.svd(moved, full_matrices=False)
+    basis = basis[:, size > 1e-4 * size.max(initial=0.0)]
+    if len(channels) - shared.shape[1] - basis.shape[1] < _LEFT:
+        return
+    time = np.arange(_BLOCKS) - 0.5 * (_BLOCKS - 1.0)
+    share = float(((basis.T @ slow @ time) ** 2).sum()) / float(time @ time * max((slow**2).sum(), 1e-30))
+    if share > _CREEPS:
+        raise ReadingError(
+            f"the contact creeps: {100.0 * share:.0f} % of the slow change is as of an outline that shifts or turns "
+            "evenly; record a minute of a press that rests, some seconds after it was made"
+        )
+
+
+def _motions(log: Log, channels: Sequence[str], period_s: float) -> FloatArray:
+    """Return how channels change where a contact is shifted along x and y and turned (channels, 3 per contact)."""
+    sensor, scan = replace(log.sensor, noise=None), _mean_scan(log, period_s)
+    columns = [np.zeros((len(channels), 0))]
+    for found in fit_polygon(scan, sensor, assessment="none").objects:
+        try:
+            outline = Outline.of(found.vertices)
+        except TacstripError:
+            continue
+        x = sensor.x_mm[found.strips]
+        x = x[outline.touches(x)]
+        strips = np.round(x / sensor.pitch_mm - 0.5).astype(int) + sensor.strip_base
+        along_x, along_y = np.broadcast_to(np.eye(2)[:, None], (2, *outline.vertices.shape))
+        turned = (outline.vertices - outline.vertices.mean(axis=0)) @ [[0.0, 1.0], [-1.0, 0.0]]
+        steps = np.stack([step.ravel() for step in (along_x, along_y, turned)], axis=1)
+        changes = vertex_jacobian(outline, sensor, scan.signatures, x) @ steps
+        places = [f"{SIGNATURES[name].symbol} of strip {i}" for name in scan.signatures for i in strips]
+        by_place = dict(zip(places, changes, strict=True))
+        columns.append(np.stack([by_place.get(channel, np.zeros(3)) for channel in channels]))
+    return np.concatenate(columns, axis=1)
+
+
+def _mean_scan(log: Log, period_s: float) -> Scan:
+    """Return the mean of a recording's scans, without strays."""
+    seldom = log.touched.mean(axis=0) < _TOUCHED
+    mean: dict[str, FloatArray] = {}
+    for name, k in log.k.items():
+        middle = np.nanmedian(np.where(seldom, 0.0, k), axis=0)
+        off = np.abs(k - middle)
+        near = off <= np.maximum(_STRAY * robust_sigma(np.where(seldom, 0.0, off), 0), _LEAST_STRAY)
+        sums, many = np.where(near, k, 0.0).sum(axis=0), near.sum(axis=0)
+        mean[name] = np.where(seldom, np.nan, sums / np.maximum(many, 1))
+    return Scan(
+        **mean, time_s=float(log.time_s[0]), averaged=len(log.time_s), span_s=period_s * (len(log.time_s) - 1)
+    )
+
+
 def _like_neighbours(values: FloatArray, channels: Sequence[str], white: float) -> float:
     """Return by how much slow changes of neighbours correlate beyond those of strips far apart; 0 if none is sure.
 
@@ -372,16 +437,7 @@ def _static(
 
     Also how sure that is, and why nothing was told, if so: a misfit is an error only if no further corner explains it.
     """
-    sensor, count = replace(log.sensor, noise=None), len(log.time_s)
-    seldom = log.touched.mean(axis=0) < _TOUCHED
-    mean: dict[str, FloatArray] = {}
-    for name, k in log.k.items():
-        middle = np.nanmedian(np.where(seldom, 0.0, k), axis=0)
-        off = np.abs(k - middle)
-        near = off <= np.maximum(_STRAY * robust_sigma(np.where(seldom, 0.0, off), 0), _LEAST_STRAY)
-        sums, many = np.where(near, k, 0.0).sum(axis=0), near.sum(axis=0)
-        mean[name] = np.where(seldom, np.nan, sums / np.maximum(many, 1))
-    scan = Scan(**mean, time_s=float(log.time_s[0]), averaged=count, span_s=period_s * (count - 1))
+    sensor, scan = replace(log.sensor, noise=None), _mean_scan(log, period_s)
     told: dict[int, list[tuple[float, ...]]] = {}
     typical: dict[int, float] = {}
     free, beyond = 0, False  # a count of corners whose outline leaves too few readings to judge

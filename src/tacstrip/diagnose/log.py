@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tacstrip.arguments import takes
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.errors import ReadingError
 from tacstrip.io.columns import ELECTRODES, Column, finite, value_columns
@@ -152,6 +153,7 @@ class Log:
         return replace(self, time_s=self.time_s[scans], raw=raw, touched=self.touched[scans])
 
 
+@takes(path=Path | str)
 def read_log(path: str | Path, sensor: Sensor) -> Log:
     r"""Read a readings file (CSV) without refusing any voltage.
 

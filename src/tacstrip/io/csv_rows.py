@@ -97,13 +97,23 @@ def find(header: list[str], name: str) -> int:
 
 def _rows(file: Iterable[str], what: str) -> Iterator[Row]:
     reader = csv.reader(file, strict=True)
-    for row in reader:
+    for row in _closed(reader):
         if any("\0" in field for field in row):
             raise ReadingError(
                 f"line {reader.line_num}: not text; {what} are CSV in UTF-8 with a header line"
             )
         if row:
             yield reader.line_num, [field.strip() for field in row]
+
+
+def _closed(reader: Iterator[list[str]]) -> Iterator[list[str]]:
+    """Yield rows; `ReadingError` where the file ends within quotes."""
+    try:
+        yield from reader
+    except csv.Error as error:
+        if "end of data" not in str(error):
+            raise
+        raise ReadingError("a field in quotes has no end") from None
 
 
 def _header(header: list[str] | None, what: str, example: str) -> list[str]:

@@ -178,10 +178,14 @@ def unfinished(path: str | Path) -> str:
     with Path(path).open("rb") as file:
         file.seek(max(0, file.seek(0, 2) - _END_BYTES))
         *lines, last = file.read().decode(errors="replace").splitlines(keepends=True)[1:] or [""]
-    ends = [line.rstrip().rpartition(",")[2].partition(".")[2] for line in (*lines, last)]
-    others = [len(end) for end in ends[:-1] if end]
+    fields = [line.strip().rsplit(",", 2)[1:] for line in lines if "," in line]
+    own, beside = ([len(digits) for row in fields if (digits := row[at].partition(".")[2])] for at in (-1, 0))
+    # Of few lines the column beside tells as much, where it has no fewer digits.
+    others = own + beside if own and beside and min(beside) >= min(own) else own
     number = last.rpartition(",")[2].strip()
-    if not number or last.endswith(("\n", "\r")) or len(others) < _FEW_ENDS or len(ends[-1]) >= min(others):
+    least = min(others, default=0)
+    ended = not number or last.endswith(("\n", "\r"))
+    if ended or len(others) < _FEW_ENDS or len(number.partition(".")[2]) >= least:
         return ""
     return (
         f"{path}: the last line has no line end, and its last number, {number}, fewer digits than the "

@@ -227,7 +227,7 @@ class ScanLines:
             missing = sensor.where(int(self.strip_lines.argmin()))
             raise ReadingError(
                 f"scan {self.number} (from line {self.line}) has no line for {missing}"
-                "; an untouched strip needs its line too, with empty fields"
+                "; an untouched strip needs its line too, with empty fields, and all lines of a scan must be together"
             )
 
 

@@ -85,6 +85,7 @@ class Runs:
 
 
 @takes(sensor=Sensor)
+@takes(path=Path | str)
 def read_runs(path: str | Path, sensor: Sensor, unit: str = "", force: bool = False) -> Runs:
     r"""Read calibration runs.
 

@@ -17,7 +17,7 @@ from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.contact.noise import Noise
 from tacstrip.contact.press.patch import patch_load
 from tacstrip.contact.press.solid import Solid
-from tacstrip.errors import ReadingError
+from tacstrip.errors import ReadingError, figures
 from tacstrip.reconstruction.pressed.agreement import explains, noise_scale
 from tacstrip.reconstruction.pressed.descent import jacobian, radii_within, refined
 from tacstrip.reconstruction.pressed.fit import descended
@@ -86,7 +86,7 @@ class SolidTrack:
     explained: BoolArray
 
     def __repr__(self) -> str:
-        radius = f", radius {self.radius_mm:.4g} +- {self.radius_sigma_mm:.2g} mm"
+        radius = f", radius {self.radius_mm:.4g} +- {figures(self.radius_sigma_mm)} mm"
         told = radius if math.isfinite(self.radius_mm) else ""
         return f"<SolidTrack: {self.status}, {len(self.solids)} scans{told}>"
 

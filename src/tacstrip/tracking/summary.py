@@ -9,6 +9,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.contact.noise import Noise
+from tacstrip.errors import figures
 from tacstrip.geometry.moments import area
 from tacstrip.geometry.pose import placed
 from tacstrip.reconstruction.result import Alternative, Status
@@ -48,21 +49,25 @@ _OPEN = 9.0  # chi square, three deviations: what costs less beside a kink may b
 _UNREAD = 0.5  # pitches of a corner that no strip reads
 _MOVED = 0.5  # pitches that corners must move where few strips are touched
 _LEFT_OVER = (
-    "a {kind} explains the readings best, and leaves {times:.3g} times their noise: is the noise larger than given, or "
+    "a {kind} explains the readings best, and leaves {times} times their noise: is the noise larger than given, or "
     "the object hardly round?"
 )
 _NOT_RIGID = (
-    "no rigid outline explains all scans: {times:.3g} times the noise is left over; the object deforms or rolls, two "
+    "no rigid outline explains all scans: {times} times the noise is left over; {unit}the object deforms or rolls, two "
     "are taken for one, or the noise is larger than given: read the scans one by one (`single`)"
 )
 _MANY_STRAYS, _NAMED = 0.05, 4  # of the readings: more make a track likely at best; how many are named
 _STRAINED = 16.3  # chi square of three degrees of freedom, which noise exceeds in one of 1000 tracks
 _STRAINS = (
-    "a rigid outline explains the scans, but one that strains more and more explains them better, by {gain:.3g} in chi "
-    "square: the object deforms or rolls; read the scans one by one (`single`)"
+    "a rigid outline explains the scans, but one that strains more and more explains them better, by {gain} in chi "
+    "square: {unit}the object deforms or rolls; read the scans one by one (`single`)"
+)
+_FAR_OFF = 0.005  # of Vref
+_UNCALIBRATED = (
+    "channels seem off by up to {percent} % of Vref: calibrate the unit first (`tacstrip calibrate`); else "
 )
 _NOT_TOLD = (
-    "the motion does not tell the shape: outlines that differ by {spread:.2g} mm explain all scans; turn the object, "
+    "the motion does not tell the shape: outlines that differ by {spread} mm explain all scans; turn the object, "
     "or slide it across the strips by more than half a pitch"
 )
 _COUNT = (
@@ -70,7 +75,7 @@ _COUNT = (
     "take more scans"
 )
 _TIP = (
-    "no scan reads the last {far:.2g} mm of a corner, which may be cut off: turn the object, or slide it across the "
+    "no scan reads the last {far} mm of a corner, which may be cut off: turn the object, or slide it across the "
     "strips by more than half a pitch"
 )
 _NOTCH = (
@@ -86,7 +91,7 @@ _SMALL = (
     "finer strips would tell it"
 )
 _LOOSE = (
-    "the scans leave a corner uncertain by {far:.2g} mm (two standard deviations): read both signatures, turn the "
+    "the scans leave a corner uncertain by {far} mm (two standard deviations): read both signatures, turn the "
     "object further, or slide it across the strips"
 )
 _CONCAVE = "the outline is concave: one object, or several that keep together"
@@ -104,10 +109,10 @@ _CURVED = (
 )
 _WANDERS = (
     "errors of channels follow each other from scan to scan: many scans are worth fewer, and a corner may be made of "
-    "such errors; regions of the shape are {times:.2g} times as wide. Calibrate, or let the unit warm up"
+    "such errors; regions of the shape are {times} times as wide. Calibrate, or let the unit warm up"
 )
 _LOUDER = (
-    "the readings are {times:.3g} times as noisy as given, from scan to scan and about a rigid outline alike: regions "
+    "the readings are {times} times as noisy as given, from scan to scan and about a rigid outline alike: regions "
     "are of that noise"
 )
 _STRAYS = "{n} of {total} readings do not fit the others and were left out ({named}): run the doctor if that goes on"
@@ -154,9 +159,9 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
         advice = _SMALL
     elif not rigid:
         times = math.sqrt(fit.cost / fit.freedom(one.scans))
-        advice = _NOT_RIGID.format(times=times)
+        advice = _NOT_RIGID.format(times=figures(times, 3), unit=_uncalibrated(one, sensor))
     elif (gain := _strain_gain(one)) > _STRAINED:
-        rigid, advice = False, _STRAINS.format(gain=gain)
+        rigid, advice = False, _STRAINS.format(gain=figures(gain, 3), unit=_uncalibrated(one, sensor))
     if not rigid:
         alone = SingleScans(scans, dict(zip(one.shown, one.runs, strict=True)), sensor, noise)
     concave, few = bool(reflex(outline).any()), one.scans.strips_touched < FEW_STRIPS
@@ -166,7 +171,7 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
     unsure = tolerated_mm(sensor, outline)
     told = spread <= max(TOLD * sensor.pitch_mm, _OF_SIZE * size, min(_TELLING * loosest, unsure))
     if not advice and not told:
-        advice = _NOT_TOLD.format(spread=spread)
+        advice = _NOT_TOLD.format(spread=figures(spread))
     elif not advice and _hardly_moved(one, outline, poses[np.isfinite(poses[:, 0])]):
         told, advice = False, _HARDLY_MOVED.format(n=len(one.shown))
     elif not advice and fit.basis is None and len(one.scans.read) == 1 and few:
@@ -177,18 +182,18 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
     if not advice and (concave or few) and fit.basis is None:
         loosest = max(loosest, scatter(some, own))
     if not advice and DEVIATIONS * loosest > unsure:
-        told, advice = False, _LOOSE.format(far=DEVIATIONS * loosest)
+        told, advice = False, _LOOSE.format(far=figures(DEVIATIONS * loosest))
     elif not advice and (other := one.found.of_other_count(_COUNTED * sensor.pitch_mm)):
         told, advice = False, _COUNT.format(n=other)
     elif not advice and concave and notch_gain(some, own, unsure) < _OPEN:
         told, advice = False, _NOTCH.format(far=unsure)
     elif not advice and few and not concave and unread_tip_mm(some, own) > _UNREAD * sensor.pitch_mm:
-        told, advice = False, _TIP.format(far=unread_tip_mm(some, own))
+        told, advice = False, _TIP.format(far=figures(unread_tip_mm(some, own)))
     elif not advice and (cut := _with_a_corner_cut(one)):
         told, advice, one = False, _COUNT.format(n=len(outline) + 1), cut
     elif not advice:
         tied = fit.basis is not None and few
-        wander = [_WANDERS.format(times=wider)] * (wider > 1.0)
+        wander = [_WANDERS.format(times=figures(wider))] * (wider > 1.0)
         note = "; ".join([_CONCAVE] * concave + [_SMOOTH] * tied + wander)
     parted = bool(one.joint) and max(one.shown) > min(one.joint)
     more_advice = (
@@ -235,12 +240,12 @@ def _curve_over_time(one: Object, curve: RigidCurve, total: int, read: Readings)
     advice = ""
     if not curve.explains(one.scans, read.distribution):
         times = math.sqrt(float(curve.costs.sum()) / curve.freedom(one.scans))
-        advice = _LEFT_OVER.format(kind=curve.kind, times=times)
+        advice = _LEFT_OVER.format(kind=curve.kind, times=figures(times, 3))
     elif DEVIATIONS * loosest > unsure:
-        advice = _LOOSE.format(far=DEVIATIONS * loosest)
+        advice = _LOOSE.format(far=figures(DEVIATIONS * loosest))
     elif _hardly_moved(one, outline, poses[np.isfinite(poses[:, 0])]):
         advice = _HARDLY_MOVED.format(n=len(one.shown))
-    status, said = _judged(advice, [_WANDERS.format(times=wider)] * (wider > 1.0), one, read)
+    status, said = _judged(advice, [_WANDERS.format(times=figures(wider))] * (wider > 1.0), one, read)
     return Track(
         0, outline, shape, poses, spreads, np.empty(0), np.empty(0), status, said, (), tuple(one.joint),
         offsets=_offsets(one, skin), kind=curve.kind,
@@ -259,7 +264,7 @@ def _judged(advice: str, notes: list[str], one: Object, read: Readings) -> tuple
     """Return the status, and in words what makes it so, with readings that were set aside."""
     strays, many = _strays(one, read)
     louder = one.left_over / read.sigma if read.sigma and one.scans.sigma > read.sigma else 1.0
-    said = [_LOUDER.format(times=louder)] * (louder > 1.0)
+    said = [_LOUDER.format(times=figures(louder, 3))] * (louder > 1.0)
     note = "; ".join(filter(None, [*notes, *said, strays * many]))
     status: Status = "doubtful" if advice else "likely" if note else "ok"
     return status, "; ".join(filter(None, [advice or note, "" if many else strays]))
@@ -336,6 +341,13 @@ def _motion(fit: Fit) -> str:
     return (
         f"smooth: x, y and angle are cubic splines of {fit.basis.shape[1]} knots over {len(fit.poses)} scans"
     )
+
+
+def _uncalibrated(one: Object, sensor: Sensor) -> str:
+    """Say that an uncalibrated unit's channels are off by so much that it is to be calibrated before all else."""
+    offsets = one.found.offsets
+    most = 0.0 if offsets is None or sensor.calibration is not None else float(np.abs(offsets.values).max())
+    return _UNCALIBRATED.format(percent=figures(100.0 * most)) if most > _FAR_OFF else ""
 
 
 def _offsets(one: Object, skin: Skin) -> dict[str, FloatArray]:

@@ -22,7 +22,9 @@ from tacstrip.reconstruction.pieces.bounds import Bounds, piece_bounds
 from tacstrip.reconstruction.pieces.cover import Part
 from tacstrip.reconstruction.pieces.outline import PieceOutline, shown_hull, trace
 from tacstrip.reconstruction.pieces.run import FEW_STRIPS, GAP, RunPieces, noise_level, split_run
-from tacstrip.reconstruction.result import Reconstruction, RecoveredObject, Status
+from tacstrip.reconstruction.polygon.status import two_objects
+from tacstrip.reconstruction.posterior.assessment import PROMISED_IOU
+from tacstrip.reconstruction.result import Alternative, Reconstruction, RecoveredObject, Status
 from tacstrip.reconstruction.seam import BRIDGED
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import check_closed_form
@@ -32,7 +34,6 @@ from tacstrip.sensor.spec import Sensor
 _FEW = 3  # strips: fewer show no shape
 _WEAK = 30.0  # of chi square: a cut by which the fit gains less may be chance
 _NO_AREA = 1e-9  # mm2
-_PROMISED = 0.8  # IoU of an outline that is "ok"
 _OVERLAP = 0.05  # of the smaller of two hulls
 _ALIKE = 0.8  # of the mean absolute error over its deviation, of a normal error
 _SHOWN = 5  # strips that advice names
@@ -67,6 +68,8 @@ class Piece(Drawn):
         Indices of the pieces that this one may be one concave object with.
     hidden_edges
         Which edges, from each corner to the next one, the readings do not show (N,).
+    alternatives
+        Two objects that a single piece may be instead, with their probability.
 
     Examples
     --------
@@ -88,6 +91,7 @@ class Piece(Drawn):
     largest: FloatArray
     joined: tuple[int, ...] = ()
     hidden_edges: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
+    alternatives: tuple[Alternative, ...] = ()
 
     def __repr__(self) -> str:
         seen = f"{int((~self.hidden).sum())} corners seen, {int(self.hidden.sum())} hidden"
@@ -190,6 +194,7 @@ def _of_run(run: RunPieces, sensor: Sensor, strips: slice, before: int) -> list[
     )
     hulls = [shown_hull(group, run.read) for group in groups]
     every = piece_bounds(groups, run.chains, run.read, sensor.pitch_mm, sensor.length_mm)
+    alternatives = () if run.pair is None else (run.pair.alternative,)
     found = []
     for i, (group, bounds) in enumerate(zip(groups, every, strict=True)):
         traced = trace(group, run.read, hulls[:i] + hulls[i + 1 :], sensor.pitch_mm)
@@ -205,7 +210,7 @@ def _of_run(run: RunPieces, sensor: Sensor, strips: slice, before: int) -> list[
         found.append(
             Piece(
                 traced.vertices, traced.hidden, slice(start, stop), status, advice, traced.covariance, bounds.smallest,
-                bounds.largest, others, traced.hidden_edges,
+                bounds.largest, others, traced.hidden_edges, alternatives,
             )
         )  # fmt: skip
     return found
@@ -265,9 +270,15 @@ def _verdict(
         )
     if run.cover.others:
         doubts.append("what is shown can be paired to as many pieces in another way")
+    if run.pair is not None:
+        doubt, note = two_objects(
+            run.pair, run.pair.overlap(traced.vertices) >= PROMISED_IOU, 1.0 - run.pair.probability
+        )
+        doubts += [doubt] if doubt else []
+        notes += [note] if note else []
     if crossed:
         doubts.append("what is seen of the pieces overlaps: there are more, or one concave object")
-    if (off := _error(run, traced, sensor)) > 1.0 - _PROMISED:
+    if (off := _error(run, traced, sensor)) > 1.0 - PROMISED_IOU:
         doubts.append(f"noise and strips leave about {100.0 * off:.0f} % of its area open: use finer strips")
     if traced.hidden.any():
         notes.append(
@@ -281,7 +292,7 @@ def _verdict(
         )
         # Of a piece that is a line nothing is known.
         overlaps = both / max(own + least - both, _NO_AREA), shared / max(own + most - shared, _NO_AREA)
-        if 0.5 * sum(overlaps) < _PROMISED:
+        if 0.5 * sum(overlaps) < PROMISED_IOU:
             doubts.append(
                 "between the two its shape is open: a second layer, or scans while it moves, would tell"
             )
@@ -317,6 +328,7 @@ def piece_reconstruction(scan: Scan, sensor: Sensor, noise: Noise | None = None)
             covariance=p.covariance,
             status=p.status,
             advice=p.advice,
+            alternatives=p.alternatives,
             hidden=p.hidden,
             hidden_edges=p.hidden_edges,
             bounds=(p.smallest, p.largest) if p.hidden.any() and len(p.smallest) else None,

@@ -22,6 +22,7 @@ import shapely
 
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.core.convex_chain import convex_regression, hull_ends
+from tacstrip.reconstruction.result import Alternative
 
 # Deviations by which what is seen of one object may reach into the other, or beyond the readings.
 _SLACK = 3.0
@@ -37,6 +38,8 @@ _CONSTANT, _BY_GAP, _TOUCHING, _BY_RISE, _FLAT, _BY_PROPORTION = 1.45, 0.85, 0.0
 # height, and what parallel sides tell, within so many deviations of chi square.
 _OF_CONVEX, _BY_JUMP, _BY_WIDTH, _TIP = -0.25, 3.85, 1.45, 0.05
 _BY_PARALLEL, _PARALLEL = -3.0, 3.0
+# Of an outermost strip, where just one end jumps: pitches, deviations, and strips at least that tell a jump.
+_SPIKE, _SURE, _LEAST_STRIPS = 2.0, 6.0, 4
 _NORMAL = math.sqrt(2.0 * math.pi)
 _LEAST = 0.01  # probability by that prior, from which two objects are told
 
@@ -68,6 +71,11 @@ class Pair:
     probability: float
     one_convex: bool = False
     advice: str = ""
+
+    @property
+    def alternative(self) -> Alternative:
+        """Both, as an alternative to one object."""
+        return Alternative(self.probability, self.lower, others=(self.upper,))
 
     def overlap(self, outline: FloatArray) -> float:
         """Return the IoU of an outline (N, 2) [mm] with both together."""
@@ -188,6 +196,24 @@ def likeliest_pair(
         return None
     odds = best if seen is None else best + seen.log_odds
     return Pair(*found, 1.0 / (1.0 + math.exp(-odds)), corners is None)
+
+
+def pair_at_the_ends(ends: Ends) -> Pair | None:
+    """Return the two objects that a convex outline may be, of which one reaches an outermost strip further.
+
+    There one end jumps, and the other goes on. Where one object ends both come nearer to each other, unless an edge
+    nearly along the strips crosses the outermost one.
+    """
+    n, y = len(ends.x), ends.y
+    if n < _LEAST_STRIPS:
+        return None
+    bend = np.diff((y * [[1.0], [-1.0]])[:, [[2, 1, 0], [-3, -2, -1]]], n=2)[..., 0]
+    alone = bend - np.maximum(bend[::-1], 0.0)
+    jumps = alone > np.maximum(_SPIKE * ends.pitch, _SURE * ends.sigma[:, [0, -1]])
+    if not jumps.any():
+        return None
+    near = [[at for at, jump in ((1, of[0]), (n - 1, of[1])) if jump] for of in jumps]
+    return likeliest_pair(ends, near, None)
 
 
 def _strips(n: int, begin: int, end: int) -> BoolArray:

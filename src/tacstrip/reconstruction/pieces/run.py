@@ -8,12 +8,12 @@ from functools import cached_property
 
 import numpy as np
 
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.errors import SignatureError
 from tacstrip.reconstruction.contact_ends import end_deviations
 from tacstrip.reconstruction.pieces.chain import Chain, Cut, split_chain
 from tacstrip.reconstruction.pieces.cover import Cover, Read, least_cover
-from tacstrip.reconstruction.pieces.pair import Seen
+from tacstrip.reconstruction.pieces.pair import Ends, Pair, Seen, pair_at_the_ends
 from tacstrip.reconstruction.sections import reading_noise
 from tacstrip.sensor.spec import Sensor
 
@@ -93,6 +93,23 @@ class RunPieces:
             and any(chain.shed(right, self.gap) is not None for chain in self.chains)
             for right, end, beside in ((False, 0, 1), (True, -1, -2))
         )
+
+    @property
+    def known(self) -> BoolArray:
+        """Which strips have both ends (n,)."""
+        return np.isfinite(self.chains[0].y)
+
+    @property
+    def ends(self) -> Ends:
+        """What the strips read that have both ends."""
+        (of_l, of_u), known = self.chains, self.known
+        y, sigma = np.stack([of_l.y, -of_u.y]), 1.0 / np.sqrt([of_l.weight, of_u.weight])
+        return Ends(of_l.x[known], y[:, known], sigma[:, known], self.pitch)
+
+    @cached_property
+    def pair(self) -> Pair | None:
+        """Two objects that one convex piece may be, None where it is hardly two."""
+        return None if self.cuts else pair_at_the_ends(self.ends)
 
     @cached_property
     def distance_mm(self) -> float:

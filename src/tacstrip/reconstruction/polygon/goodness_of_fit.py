@@ -19,7 +19,7 @@ from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.contact_ends import closed_ends, end_deviations
 from tacstrip.reconstruction.noise_covariance import CorrelatedErrors
 from tacstrip.reconstruction.pieces.chain import Cut
-from tacstrip.reconstruction.pieces.pair import Ends, Pair, likeliest_pair
+from tacstrip.reconstruction.pieces.pair import Ends, Pair, likeliest_pair, pair_at_the_ends
 from tacstrip.reconstruction.pieces.run import RunPieces, split_run
 from tacstrip.reconstruction.polygon.chi_square import squares_score
 from tacstrip.reconstruction.polygon.convexity import (
@@ -53,8 +53,6 @@ _HIDDEN, _HIDDEN_OPEN = 0.55, 0.35
 IF_ONE = "if you know that it is one object, say so (`reconstruct --one-object`)"
 NOTED = 0.05  # probability of two objects: less is not told
 _NOISIER = 3.0  # times the noise given: neighbours that differ by so much are noise, not jumps
-# Of an outermost strip, where just one end jumps: pitches, deviations, and strips at least that tell a jump.
-_SPIKE, _SURE, _LEAST_STRIPS = 2.0, 6.0, 4
 # Of what a polygon leaves over: neighbours that differ so little say that it follows them badly.
 _SMOOTHED = 0.7
 
@@ -221,7 +219,7 @@ def second_look(
         more = f"; at least {pieces.count} convex pieces explain the readings"
         return wrong if one_object or pieces.count == 1 else wrong + more, None
     jumps = [cut for _, cut in pieces.cuts if cut.kind != "corner"]
-    pair = _pair_of(run, sensor, pieces, inward_corners(fit))
+    pair = _pair_of(run, pieces, inward_corners(fit))
     step = max((cut.rise for cut in jumps), default=0.0)
     jump = f"an end jumps by {step:.3g} mm from one strip to the next"
     at = jump if jumps else "a gap may hide in an inward corner"
@@ -271,15 +269,10 @@ def _pieces_of(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray], 
     return split_run(sensor, *_read_ends(run, sensor, readings), sigma)
 
 
-def _pair_of(
-    run: RunFit, sensor: Sensor, pieces: RunPieces, inward: tuple[list[float], list[float]]
-) -> Pair | None:
+def _pair_of(run: RunFit, pieces: RunPieces, inward: tuple[list[float], list[float]]) -> Pair | None:
     """Return the two objects that may be taken for one concave one, of which corners turn inwards."""
-    of_l, of_u = pieces.chains
-    read = np.isfinite(of_l.y)
+    read = pieces.known
     x = run.problem.x[read]
-    y, sigma = np.stack([of_l.y, -of_u.y]), 1.0 / np.sqrt([of_l.weight, of_u.weight])
-    ends = Ends(of_l.x[read], y[:, read], sigma[:, read], sensor.pitch_mm)
     right = [np.searchsorted(x, corners).tolist() for corners in inward]
     every = sorted(i for at in right for i in at)
     if sum(after - before > 2 * _NEAR_CORNER for before, after in pairwise([-math.inf, *every])) > _EVENTS:
@@ -290,33 +283,18 @@ def _pair_of(
         close = {i + off for i in at for off in range(-_NEAR_CORNER, _NEAR_CORNER + 1)}
         close |= {int(strips[cut.strip]) for of, cut in pieces.cuts if of == side} | {1, len(x) - 1}
         near.append(sorted(i for i in close if 0 < i < len(x)))
-    return likeliest_pair(ends, near, right, pieces.seen)
+    return likeliest_pair(pieces.ends, near, right, pieces.seen)
 
 
 def _pair_at_the_ends(
     run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray], sigma: float
 ) -> Pair | None:
-    """Return the two objects that a convex outline may be, of which one reaches an outermost strip further.
-
-    There one end jumps, and the other goes on. Where one object ends both come nearer to each other, unless an edge
-    nearly along the strips crosses the outermost one.
-    """
+    """Return the two objects that a convex outline may be, of which one reaches an outermost strip further."""
     x, l, u = _read_ends(run, sensor, readings)
     read = np.isfinite(l + u)
-    n, x, l, u = int(read.sum()), x[read], l[read], u[read]
-    if n < _LEAST_STRIPS:
-        return None
-    y = np.stack([l, u])
-    bend = np.diff((y * [[1.0], [-1.0]])[:, [[2, 1, 0], [-3, -2, -1]]], n=2)[..., 0]
-    alone = bend - np.maximum(bend[::-1], 0.0)
-    if alone.max() <= _SPIKE * sensor.pitch_mm:
-        return None
+    x, l, u = x[read], l[read], u[read]
     noise = np.stack(end_deviations(sensor, l, u, sigma))
-    jumps = alone > np.maximum(_SPIKE * sensor.pitch_mm, _SURE * noise[:, [0, -1]])
-    if not jumps.any():
-        return None
-    near = [[at for at, jump in ((1, of[0]), (n - 1, of[1])) if jump] for of in jumps]
-    return likeliest_pair(Ends(x, y, noise, sensor.pitch_mm), near, None)
+    return pair_at_the_ends(Ends(x, np.stack([l, u]), noise, sensor.pitch_mm))
 
 
 def _behind(cut: Cut, x: FloatArray) -> float:

@@ -98,9 +98,8 @@ def beside_pair(
     """Return the confidence and the alternatives beside two objects, and how sure it is one object that overlaps."""
     one = 1.0 - pair.probability
     sure = one if confidence is None else one * confidence
-    two = Alternative(pair.probability, pair.lower, others=(pair.upper,))
     rest = (replace(a, weight=a.weight * one) for a in alternatives)
-    ordered = tuple(sorted((two, *rest), key=lambda a: -a.weight))
+    ordered = tuple(sorted((pair.alternative, *rest), key=lambda a: -a.weight))
     return None if confidence is None else sure, ordered, sure
 
 

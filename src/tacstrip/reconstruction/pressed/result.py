@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.press.patch import Patch
 from tacstrip.contact.press.solid import Solid
+from tacstrip.errors import figures
 from tacstrip.reconstruction.result import Status
 
 ROUND = ("sphere", "cylinder")  # of a radius
@@ -100,5 +101,5 @@ class SolidFit:
         if self.solid is None:
             return f"<SolidFit: {self.status}>"
         force = "force not told" if math.isnan(self.force_n) else f"{self.force_n:.4g} N"
-        area = f"{self.area_mm2:.4g} +- {self.area_sigma_mm2:.2g} mm2"
+        area = f"{self.area_mm2:.4g} +- {figures(self.area_sigma_mm2)} mm2"
         return f"<SolidFit: {self.status}, {self.solid.kind}, {area}, {force}>"

@@ -11,7 +11,7 @@ from typing import cast
 import numpy as np
 
 from tacstrip.arguments import takes
-from tacstrip.errors import PortError
+from tacstrip.errors import PortError, figures
 from tacstrip.sensor.layers import AnySensor, LayeredSensor, unit_of
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.device.clocks import DeviceClock, HostClock
@@ -492,7 +492,8 @@ class SerialSource:
             wanted = passed_s / self._period_s if self._period_us != 0 and self._period_s else float("inf")
             flooded = self._flood_scans > _FLOOD * wanted + _FLOOD_SCANS
             if flooded and self._flooded:
-                rates = f"{self._flood_scans / passed_s:.3g} scans a second, and {1.0 / self._period_s:.3g}"
+                sent, asked = self._flood_scans / passed_s, 1.0 / self._period_s
+                rates = f"{figures(sent, 3)} scans a second, and {figures(asked, 3)}"
                 self._troubles.say("flood", f"the device sends {rates} were asked for", now_s)
             self._flood_s, self._flood_scans, self._flooded = now_s, 0, flooded
 
@@ -523,7 +524,7 @@ class SerialSource:
         slow = bool(period_us) and passed_s > _SLOW * 1e-6 * period_us * count
         self._slow_from, self._slow_windows = newest, self._slow_windows + 1 if slow else 0
         if self._slow_windows == 2:  # once, until it keeps the rate again
-            rates = f"{count / passed_s:.3g} scans a second, and {1e6 / period_us:.3g}"
+            rates = f"{figures(count / passed_s, 3)} scans a second, and {figures(1e6 / period_us, 3)}"
             self._troubles.say("slow", f"the device sends only {rates} were asked for", now_s)
 
     def _matches(self, batch: ScanBatch, now_s: float) -> bool:
