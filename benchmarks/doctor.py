@@ -27,12 +27,8 @@ def log(cut: bool) -> Log:
     )
     moved = np.stack([100.0 + 62.0 * np.sin(0.9 * time_s), 100.0 + 55.0 * np.sin(1.7 * time_s)], axis=1)
     shapes = [ts.Contact.polygon(outline + place) for place in moved[::10]]
-    readings: dict[str, list[np.ndarray]] = {"kh": [], "kl": []}
-    for shape in shapes:
-        scan = ts.simulate(SENSOR, shape)
-        for name, values in readings.items():
-            values.append(scan[name])
-    full = {name: np.repeat(np.stack(values), 10, axis=0) for name, values in readings.items()}
+    scans = [ts.simulate(SENSOR, shape) for shape in shapes]
+    full = {name: np.repeat(np.stack([scan[name] for scan in scans]), 10, axis=0) for name in ("kh", "kl")}
     for values in full.values():
         values += random.normal(0.0, 0.002, values.shape)
     if cut:
