@@ -831,7 +831,7 @@ def _wrong(found: Proposal, bench: Bench) -> str:
         return f"{int(lost.sum())} readings where nothing touched, or none where something did"
     if np.nanmax(off) > 0.0055:
         return f"readings are off by up to {np.nanmax(off):.3g} V"
-    return f"times are off by up to {late:.3g} s" if late > 1.1e-3 else ""
+    return f"times are off by up to {late:.3g} s" if late > 1.1e-3 and found.mapping.timed else ""
 
 
 def _round(file: Path, bench: Bench, answers: dict[str, str]) -> tuple[str, str, list[list[tuple[str, str]]]]:
@@ -847,11 +847,11 @@ def _round(file: Path, bench: Bench, answers: dict[str, str]) -> tuple[str, str,
     except ts.TacstripError as error:
         return "refused", str(error), []
     off = _wrong(found, bench)
-    return "WRONG" if off else "right", off, []
+    return "WRONG" if off else "right" if found.mapping.timed else "no time", off, []
 
 
 def score(file: Path, bench: Bench) -> tuple[str, str]:
-    """Return "right", "one answer", "one round", "asked again", "refused" or "WRONG" (without a word), and why."""
+    """Return "right", "no time" (where the log has none), "one answer", "one round", "asked again", "refused" or "WRONG" (without a word), and why."""
     kind, why, ways = _round(file, bench, {})
     if kind != "asked":
         return kind, why

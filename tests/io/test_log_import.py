@@ -553,7 +553,12 @@ def test_a_log_without_times_gives_readings_without_them(tmp_path: Path) -> None
     assert {scan.time_s for scan in read} == {0.0}
     again = tmp_path / "again.csv"
     mapping = str(out.with_suffix(".mapping.toml"))
-    assert CliRunner().invoke(cli, ["import", str(log), str(spec), "-o", str(again), "--mapping", mapping]).exit_code == 0
+    assert (
+        CliRunner()
+        .invoke(cli, ["import", str(log), str(spec), "-o", str(again), "--mapping", mapping])
+        .exit_code
+        == 0
+    )
     assert again.read_text() == out.read_text()
     assert propose(of_text(log.read_text()), RUBBER, {"rate_hz": "50"}).scans[1].time_s == 0.02
     lines = out.read_text().splitlines()

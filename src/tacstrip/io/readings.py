@@ -1,10 +1,11 @@
 """Readings as CSV: a header, then a line per strip and scan.
 
-Columns: scan, time_s (which a single scan may lack; empty throughout where no times are known), strip, and volts (v_h, v_l or v_out) or A/D codes (code_h,
-code_l or code); one of v_h and v_l alone is a single-measurement. Of a CRS-CRP sheet all electrodes may be there
-instead: v_l_0, v_l_1, ... at y = 0 and v_h_0, ... at y = L (or code_l_0, ...). Other columns are passed over, unless
-their name is nearly that of a column that is missing. Empty fields mean that nothing touches the strip; one of v_h
-and v_l alone, that the other channel is left out. Codes run from 0 to 2^adc_bits - 1, which reads Vref.
+Columns: scan, time_s (which a single scan may lack; empty throughout where no times are known), strip, and volts
+(v_h, v_l or v_out) or A/D codes (code_h, code_l or code); one of v_h and v_l alone is a single-measurement. Of a
+CRS-CRP sheet all electrodes may be there instead: v_l_0, v_l_1, ... at y = 0 and v_h_0, ... at y = L (or code_l_0,
+...). Other columns are passed over, unless their name is nearly that of a column that is missing. Empty fields mean
+that nothing touches the strip; one of v_h and v_l alone, that the other channel is left out. Codes run from 0 to
+2^adc_bits - 1, which reads Vref.
 """
 
 from __future__ import annotations

@@ -161,7 +161,7 @@ def _best(
         return None
     names = _names_above(rows[0], texts, columns)
     tried: list[tuple[float, Assignment, FloatArray]] = []
-    for one in _assignments(columns, strips, channels):
+    for one in _assignments(columns, strips, channels, empty is not None):
         values = _values(columns, one, strips, channels)
         if values is None or len(values) < _FEW_SCANS or not _agrees(one, names):
             continue
@@ -188,7 +188,9 @@ def _best(
     if empty is not None:
         if one.strip is None or one.which is not None:
             return None
-        table = table.with_columns({n: table.column(n) for n in table.names if n != "scan"} | {"scan": [str(r.number) for r in rows]})
+        table = table.with_columns(
+            {n: table.column(n) for n in table.names if n != "scan"} | {"scan": [str(r.number) for r in rows]}
+        )
         table = replace(table, empty=frozenset(empty))
     return rough, values, table
 
@@ -257,7 +259,10 @@ def _in_decimals(fields: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(f"0x{f}" if hexadecimal and re.fullmatch(r"[\dA-Fa-f]{2,8}", f) else f for f in fields)
 
 
-def _assignments(columns: list[Column], strips: int, channels: int) -> Iterator[Assignment]:
+def _assignments(
+    columns: list[Column], strips: int, channels: int, listed: bool = False
+) -> Iterator[Assignment]:
+    """Yield the ways to give columns to strips and ends; `listed`: only touched strips, each with its number."""
     numeric = [
         n
         for n, c in enumerate(columns)
@@ -288,7 +293,7 @@ def _assignments(columns: list[Column], strips: int, channels: int) -> Iterator[
         for n, c in enumerate(columns)
         if len({*c.texts}) == 2 and (c.kind == WORD or (np.isfinite(c.numbers).all() and not c.rises))
     ]
-    cycles = [n for n, c in enumerate(columns) if c.is_numeric and _are_strips(c, strips)]
+    cycles = [n for n, c in enumerate(columns) if c.is_numeric and _are_strips(c, strips, listed)]
     places = () if cycles else (None,)
     values = [
         n
@@ -365,8 +370,11 @@ def _by_labels(columns: list[Column], one: Assignment, strips: int) -> Assignmen
     return replace(one, readings=tuple((n, told[n] - low, c) for n, _, c in one.readings))
 
 
-def _are_strips(column: Column, strips: int) -> bool:
-    """Return whether a column counts strips: whole numbers from 0 or 1, or as many in a row, that begin anew."""
+def _are_strips(column: Column, strips: int, listed: bool) -> bool:
+    """Return whether a column counts strips: whole numbers from 0 or 1, or as many in a row, that begin anew.
+
+    Where only touched ones are `listed` they may begin with any.
+    """
     if not np.isfinite(column.numbers).all() or (column.numbers % 1.0).any() or column.rises:
         return False
     low, high = int(column.numbers.min()), int(column.numbers.max())
@@ -375,7 +383,7 @@ def _are_strips(column: Column, strips: int) -> bool:
         low >= 0
         and high - low < strips
         and many > 1
-        and (low in (0, 1) or many == strips)
+        and (low in (0, 1) or many == strips or (listed and high <= strips))
         and not (low == 1 and high > strips)
     )
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.changes import ask_which_part
 from tacstrip.io.log_import.column_blocks import answered_block, readings_of_block
-from tacstrip.io.log_import.contents import are_times, is_numeric, may_label_strips
+from tacstrip.io.log_import.contents import are_times, counts_strips, is_numeric, may_label_strips
 from tacstrip.io.log_import.conversion import length_in
 from tacstrip.io.log_import.ends import ends_of_columns, in_one_unit
 from tacstrip.io.log_import.fields import number_of
@@ -229,8 +229,11 @@ def _find(clues: Clues, known: dict[str, Meaning]) -> Columns:
         text = "no column says which strip a line is of"
         if not some:
             raise NoTableError(f"{text}; add one with its number")
-        clues.ask(some[0], f"{text}: is it this one? Say it of the right one", "strip", of_form=True)
         strip = some[0]
+        if len(some) == 1 and counts_strips(clues, strip, [n for n in (time, scan) if n]):
+            clues.because(f"{strip}: counts up by one within each scan, from another number in some")
+        else:
+            clues.ask(strip, f"{text}: is it this one? Say it of the right one", "strip", of_form=True)
     readings = in_one_unit(clues, with_other_end(clues, known, readings, {time, scan, which}))
     for role, name in (("time", time), ("scan", scan if strip else ""), ("strip", strip), ("which", which)):
         if name:

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections import Counter
+from collections.abc import Sequence
 
 import numpy as np
 
 from tacstrip.io.log_import.fields import clock_seconds, number_of, says_nothing
-from tacstrip.io.log_import.names import (
-    meanings,
-)
+from tacstrip.io.log_import.names import meanings
 from tacstrip.io.log_import.questions import Clues
 
 CLOCK_BITS = (16, 32)
 _STEADY, _MOSTLY = 0.1, 0.7  # so far are steps of a clock from the usual one, and so many of them
+_FEW_SCANS = 3
 _FEW_WORDS = 2  # among numbers: one may stand for no contact, which is asked
 
 
@@ -33,6 +34,24 @@ def may_label_strips(clues: Clues, name: str) -> bool:
     fields = clues.table.column(name)
     numbers = [v for v in clues.values(name) if v is not None]
     return 1 < len(set(fields)) <= len(fields) // 2 and all(v == int(v) for v in numbers)
+
+
+def counts_strips(clues: Clues, name: str, same: Sequence[str]) -> bool:
+    """Return whether a column counts up or down by one on lines of one scan, which are alike in other columns (`same`).
+
+    From another number in some scans: else it may only count their lines.
+    """
+    numbers = [-1.0 if v is None else v for v in clues.values(name)]
+    keys = [*zip(*map(clues.table.column, same), strict=True)]
+    lines = zip(keys, numbers, strict=True)
+    scans = [[v for _, v in of] for _, of in itertools.groupby(lines, lambda line: line[0])] if keys else []
+    steps = {b - a for scan in scans for a, b in itertools.pairwise(scan)}
+    return (
+        min(numbers) >= 0.0
+        and steps in ({1.0}, {-1.0})
+        and sum(len(scan) > 1 for scan in scans) >= _FEW_SCANS
+        and len({scan[0] for scan in scans}) > 1 < len({scan[-1] for scan in scans})
+    )
 
 
 def is_numeric(clues: Clues, name: str) -> bool:

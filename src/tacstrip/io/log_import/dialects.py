@@ -69,7 +69,8 @@ def _influx(text: str, _: str) -> Table | None:
         tags, fields = (dict(re.findall(r"([^,=]+)=(\"[^\"]*\"|[^,]+)", part)) for part in m.groups()[:2])
         values = {k: re.sub(r"(?<=\d)[iu]\Z", "", v).strip('"') for k, v in fields.items()}
         entries.append((i, {"time [ns]": _nanoseconds(m[3]), **tags}, values))
-    return _with_broken(_merged(entries, "InfluxDB's line protocol"), lines, _INFLUX)
+    table = _with_broken(_merged(entries, "InfluxDB's line protocol"), lines, _INFLUX)
+    return replace(table, preamble=tuple(line for _, line in filled_lines(text) if line.startswith("#")))
 
 
 def _as_influx(m: re.Match[str]) -> str:

@@ -21,6 +21,7 @@ from tacstrip.io.log_import.untouched import with_names_of_nothing
 _FEW_KINDS = 0.5  # of the records: as many name the same values, or all do as they like
 _COMMA = re.compile(r"(?<![\d,.:])\d+,\d+(?![\d,.])")
 _STRIP_NAMED = re.compile(r"(\D*?)(\d+)(.*)\Z")  # a name with a strip's number in it
+_NAMELESS = "column 1"  # the first value of a line without a name
 _FEW_ALIKE = 3  # messages of the same form as the readings' lines
 _SAMPLE = 200  # lines that tell whether all are of a kind
 
@@ -54,11 +55,11 @@ def named_values(lines: list[tuple[int, str]], stamps: Mapping[int, str]) -> Tab
 
 def _without_counts(parsed: list[tuple[int, list[Item]]]) -> list[tuple[int, list[Item]]]:
     """Return what lines name without how many lines follow, as "touched=3" of a scan, if that is so of each."""
-    ends = Counter(found[-1].name for _, found in parsed if len(found) > 1 and is_label(found[:-1]))
-    for name in [name for name in ends if not meaning(name).role]:
-        at = [n for n, (_, found) in enumerate(parsed) if found and found[-1].name == name]
+    forms = [tuple(item.name for item in found) for _, found in parsed]
+    ends = {f for f, (_, found) in zip(forms, parsed, strict=True) if len(found) > 1 and is_label(found[:-1])}
+    for form in [form for form in ends if not meaning(form[-1]).role]:
+        at = [n for n, f in enumerate(forms) if f == form]
         told = [number_of(parsed[n][1][-1].values[0]) for n in at]
-        forms = [tuple(item.name for item in found) for _, found in parsed]
         below = {f for n, f in enumerate(forms[: at[-1]]) if n not in {*at} and n > at[0]}
         many = [b - a - 1 for a, b in itertools.pairwise(at)]
         if len(at) > _FEW_ALIKE and told == [*many, sum(f in below for f in forms[at[-1] + 1 :])]:
@@ -108,7 +109,8 @@ def _shared(parsed: list[tuple[int, list[Item]]], stamps: Mapping[int, str]) -> 
 def _says_no_contact(line: str) -> bool:
     """Return whether a line says in words that nothing touches, as in `t=3 msg="no contact"`."""
     words = re.findall(r"\"([^\"]+)\"|[=:]\s*([A-Za-z][A-Za-z _/-]*)|((?:[A-Za-z_/-]+\s*)+)\Z", line)
-    return any(says_nothing(said.strip()) for found in words for said in found if said)
+    said = [part.split() for found in words for part in found if part]
+    return any(says_nothing(" ".join(part[n:])) for part in said for n in range(len(part)))
 
 
 def _pairs(found: Sequence[Item]) -> bool:
@@ -245,11 +247,30 @@ def _gathered(
     empty: set[int] = set()
     listed: list[str] = []  # strips that every scan lists
     strips = [n for n in usual if meaning(n).role == "strip"]
+    if strips and _NAMELESS in usual and len({r.get(strips[0]) for r in records}) == 1:
+        # It only says how many there are, and a number without a name which one a line is of.
+        once = strips.pop()
+        above += [i for i, found in parsed if once in _fields(found)]
+        records = [{n: f for n, f in r.items() if n != once} for r in records]
+        usual = usual - {once}
+        void = [(place, line, {n: f for n, f in told.items() if n != once}) for place, line, told in void]
+        timed = [(place, line, {n: f for n, f in told.items() if n != once}) for place, line, told in timed]
+    strips = strips or [n for n in usual if n == _NAMELESS]
+    doubts: list[str] = []
     if heading:
         last = (len(records), min(heading.values()), dict(labels))
         ended = parsed[-1][0] > max(heading.values()) or (void and void[-1][0] == len(records))
         ended = ended or _says_no_contact(texts[last[1]])
-        (void if ended else timed).append(last)  # it may be cut
+        if ended:
+            void.append(last)
+        else:  # it may be cut
+            doubts.append(
+                f"line {last[1]} ({texts[last[1]].strip()!r}), the last, says nothing of a strip: left out"
+            )
+    worded = [one for one in void if _says_no_contact(texts[one[1]])]
+    if len(void) < 2 * len(worded):  # others, that say nothing, are cut
+        strange += [line for _, line, _ in void if line not in {at for _, at, _ in worded}]
+        void = worded
     if len(timed) > 1:
         void = sorted([*void, *timed], key=lambda one: one[1])
     else:
@@ -321,6 +342,7 @@ def _gathered(
         preamble=tuple(texts[i] for i in above),
         quotes=quotes,
         empty=frozenset() if listed else frozenset(empty),
+        doubts=tuple(doubts),
         varied=varied > 1,
     )
 

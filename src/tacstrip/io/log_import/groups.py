@@ -5,9 +5,10 @@ from __future__ import annotations
 import itertools
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+from tacstrip.io.log_import.fields import says_nothing
 from tacstrip.io.log_import.tokens import VALUE, Line
 
 _MOSTLY = 0.9  # of the lines that hold values have the form
@@ -17,7 +18,7 @@ _FEW_LINES = 4
 
 
 def in_groups(lines: Sequence[Line], values: int) -> tuple[list[Line], list[int]] | None:
-    """Return a row for each group of `values` numbers, and the lines that have none, with an empty row; None where lines have no groups.
+    """Return a row for each group of `values` numbers, and the lines that have none, with an empty row; else None.
 
     What stands before the first group belongs to each. Lines must hold different numbers of groups.
 
@@ -43,19 +44,35 @@ def in_groups(lines: Sequence[Line], values: int) -> tuple[list[Line], list[int]
                 between = longest[head + size : head + size + gap]
                 if VALUE in between or len(between) < gap:
                     break
-                found = [_groups(line.form, longest[:head], unit, between) for line in there]
+                found = [_groups(line, longest[:head], unit, between) for line in there]
+                found = [
+                    0 if n is None and _is_void(line, longest[:head], forms) else n
+                    for n, line in zip(found, there, strict=True)
+                ]
                 fits = [n for n in found if n is not None]
                 if len(fits) >= _MOSTLY * len(there) and len({*fits}) > 1 and max(fits) > 1:
                     return _rows(there, found, head, size, gap)
     return None
 
 
-def _groups(form: str, head: str, unit: str, between: str) -> int | None:
-    """Return how many groups a line has; None where it is not of them."""
-    many, rest = divmod(len(form) + len(between) - len(head), len(unit) + len(between))
-    if form == head + between.join([unit] * many) and not rest:
-        return many
-    return 0 if form and form == head[: len(form)] and VALUE in form and VALUE not in head[len(form) :] else None
+def _groups(line: Line, head: str, unit: str, between: str) -> int | None:
+    """Return how many groups a line has, one or more; None where it has none."""
+    if not line.texts[-1]:  # it is cut behind a separator
+        return None
+    many, rest = divmod(len(line.form) + len(between) - len(head), len(unit) + len(between))
+    return many if many and not rest and line.form == head + between.join([unit] * many) else None
+
+
+def _is_void(line: Line, head: str, forms: Mapping[str, int]) -> bool:
+    """Return whether a line begins as others do, and holds no number behind, as several do, or says so in words.
+
+    Else it may be cut.
+    """
+    first = head.find(VALUE) + 1
+    numbers = [t for f, t in zip(line.form, line.texts, strict=True) if f == VALUE][1:]
+    if not first or line.form[:first] != head[:first] or not all(map(says_nothing, numbers)):
+        return False
+    return forms[line.form] > 1 or any(t and says_nothing(t) for t in line.texts[first:])
 
 
 def _rows(

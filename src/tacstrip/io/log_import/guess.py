@@ -477,7 +477,7 @@ def _strips(clues: Clues, found: Columns) -> tuple[int, int]:
             base = low
         elif len(fits) == 1:
             base = fits[0]
-        elif (told := base_said(clues.table.preamble)) is not None:
+        elif (told := base_said((*clues.table.preamble, *clues.table.constants()))) is not None:
             base = said = told
             clues.because(f"strips are numbered from {base}, as the log says above them")
         elif clues.sensor and "strip_base" in (clues.stated or ()) and 0 < clues.sensor.strip_base <= low:

@@ -73,10 +73,13 @@ def of_values(
     names = {n: "" for _, _, many in exploded for r in many for n in r if n.startswith(f"{inner}.")}
     strip = [n for n in names if meaning(n).role == "strip"]
     shown = next((r[strip[0]] for _, _, many in exploded for r in many if strip and strip[0] in r), "")
+    beside = Counter(frozenset({*_unfolded("", row)} - {inner}) for _, row, many in exploded if len(many) > 1)
+    usual = beside.most_common(1)[0][0] if beside else frozenset()
     for number, row, many in exploded:
         parts = _unfolded("", row)
-        if inner and shown and parts.get(inner) == []:  # nothing touches in it
-            del parts[inner]
+        void = parts.get(inner) == [] or (inner not in parts and usual and {*parts} == usual)
+        if inner and shown and void:  # nothing touches in it
+            parts.pop(inner, None)
             many = [flattened("", parts) | names | {strip[0]: shown}]
             empty.add(number)
         records += many

@@ -132,6 +132,7 @@ OF_VREF = {"fraction": 1.0, "percent": 1e-2, "permille": 1e-3}
 LENGTHS_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 
 
+_NUMBER_OF = frozenset({"n", "id", "no", "nr", "num", "number", "index", "idx", "i"})
 _MOST_STRIPS = 99999  # a larger number in a name is none of a strip
 _CALLED_K = re.compile(r"(?:strip|s)?[\W\d_]*k[\W\d_]*(?:h|l|hi|lo|high|low)?[\W\d_]*", re.IGNORECASE)
 _PLACE = re.compile(r" \(column \d+\)\Z")  # of one of several columns of a name
@@ -208,13 +209,33 @@ def meanings(names: Sequence[str]) -> dict[str, Meaning]:
     return {n: found.get(n, Meaning("")) for n in names}
 
 
+def _parts_of_records(names: Sequence[str]) -> dict[str, str]:
+    """Return the last part of names of one record, such as "readings.strip" and "readings.vHigh", if that tells all."""
+    records: dict[str, list[str]] = {}
+    for name in names:
+        records.setdefault(name.rpartition(".")[0], []).append(name)
+    last = {n: n.rpartition(".")[2] for record, found in records.items() if record for n in found}
+    last |= {  # as in "strip.n"
+        n: "strip"
+        for n, part in last.items()
+        if part.casefold() in _NUMBER_OF and meaning(n.split(".")[-2]).role == "strip"
+    }
+    return {
+        n: last[n]
+        for record, found in records.items()
+        if record and {"strip", "reading"} <= {meaning(last[n]).role for n in found}
+        for n in found
+    }
+
+
 def _is_extreme(name: str) -> bool:
     return bool(_EXTREMES & {*re.findall(r"[a-z]+", name.casefold())})
 
 
 def _together(names: Sequence[str]) -> dict[str, Meaning]:
     """Return what names mean, of which none is of an extreme."""
-    split = {name: _tokens(name) for name in names}
+    parts = _parts_of_records(names)
+    split = {name: _tokens(parts.get(name, name)) for name in names}
     split |= _with_first(split)
     alike = Counter(
         t for tokens, _ in split.values() for t in set(tokens) if not t.isdecimal() and t not in _ANY

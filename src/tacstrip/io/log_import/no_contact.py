@@ -22,6 +22,7 @@ from tacstrip.io.log_import.words import finder
 
 _SENTINELS = (999.0, 9999.0, 99999.0, 32767.0, 65535.0, 99.9, 99.99, 999.9, 999.99)
 _NEAR_0 = 0.01  # of the largest reading; and of the most that there can be
+_NOISE = 0.005  # of the largest reading: so far noise takes one at 0 below it
 _REST = 0.05  # of the largest reading: the most that the noise of open inputs reaches
 _GAP = 5.0  # times: how far above that the other readings begin
 _FEW_TOUCHED = 0.005  # of the readings: fewer are no contact among noise
@@ -150,7 +151,8 @@ def numbers_for_nothing(clues: Clues, rough: list[LogScan]) -> tuple[str, ...]:
         return tuple(f"{number_of(s):g}" for s in said)
     negative = [v for v in numbers if v < 0.0]
     nines = len(negative) == 1 and re.fullmatch(r"-9+\.9+", f"{negative[0]:g}")
-    if len(negative) == 1 and negative[0] <= -1.0 and (negative[0] % 1.0 == 0.0 or nines):
+    whole = len(negative) == 1 and negative[0] <= -1.0 and (negative[0] % 1.0 == 0.0 or nines)
+    if whole and not _is_noise(values, negative[0]):
         found.append(f"{negative[0]:g}")
         clues.because(f"{negative[0]:g} stands for no contact: it is the only negative number")
     rest = sorted(v for v in numbers if f"{v:g}" not in found)
@@ -171,6 +173,15 @@ def numbers_for_nothing(clues: Clues, rough: list[LogScan]) -> tuple[str, ...]:
     if rest and not (rests or found or np.isnan(values).any()):
         found += _at_an_end(clues, values, rest)
     return tuple(found)
+
+
+def _is_noise(values: FloatArray, negative: float) -> bool:
+    """Return whether a number just below 0 is a reading near 0: one end of a strip has it alone, or others are near."""
+    top = float(np.nanmax(values))
+    there = values == negative
+    alone = there.any(axis=2) != there.all(axis=2)
+    others = (values > 0.0) & (values < _NEAR_0 * top)
+    return -negative < _NOISE * top and bool((alone if values.shape[2] > 1 else others).any())
 
 
 def _is_alone(values: FloatArray, end: float) -> bool:

@@ -41,6 +41,7 @@ _TOKEN = re.compile(
     | (?P<comma>(?<=\d),(?=\d))""",
     re.VERBOSE,
 )
+_AT_TIME = re.compile(r"\s+@\s*(\d+(?:\.\d+)?\s?(?:ms|us|s))\b")  # as in "H=2.5 @ 20 ms"
 
 
 @dataclass(frozen=True)
@@ -66,6 +67,7 @@ def items(line: str) -> list[Item]:
     line = _STRIP_THEN_NAME.sub(lambda m: f"{m[1]} " if is_strip(m[1]) else m[0], line)
     line = re.sub(r"\b\w+=\"[^\"]*[A-Za-z][^\"]*\"", "", line)  # a text
     line = _FOREIGN.sub(r"\1 [\3]\2", line)
+    line = _AT_TIME.sub(r" t=\1", line)
     line = re.sub(r"=(?=\s*(?:[,;|]|$|\s[A-Za-z]\w*=))", "=nan", line)  # of which nothing is said
     for listed in re.findall(r"[:=]\s*((?:[^\s,;:=]+\s*,\s*){2,}[^\s,;:=]+)", line):
         parts = [p.strip(" ()[]{}") for p in listed.split(",")]

@@ -34,6 +34,7 @@ _SLOT = re.compile(
 _WORD = re.compile(r"([A-Za-z_]+)[\s#=:+(@.]*\Z")
 _ESP_IDF = re.compile(r"[EWIDV] \(\Z")  # of which the manual says that it counts milliseconds
 _LEVEL = re.compile(r"\b(?:TRACE|DEBUG|INFO|NOTICE|WARN(?:ING)?|ERROR|[DIWE])\b")
+_LAST_WORDS = re.compile(r"[\s:=]*([^\W\d_][^\d|;,:=]*)\Z")  # as in "t=0.3 | no contact"
 _VOID_END = re.compile(
     r"[\s:=]*(?:[-.*_xX?~]{1,9}|\b(?:none|nothing|open|empty|idle)\b)?[\s.]*\Z", re.IGNORECASE
 )
@@ -213,7 +214,9 @@ def _of_head(head: str) -> tuple[str, tuple[tuple[str, str], ...]]:
 
 def _without_contact(line: str, strip: str, form: str) -> _Line | None:
     """Return a line that has nothing, or a mark for it, where others have strips, as one of an untouched strip."""
-    head = _VOID_END.sub("", line).rstrip()
+    said = _LAST_WORDS.search(line)
+    head = line[: said.start()] if said and says_nothing(said[1].strip()) else _VOID_END.sub("", line)
+    head = head.rstrip()
     made, fields = _of_head(head)
     return _Line(head, made, fields, {strip: ("", "")}, (), "") if fields and made == form else None
 

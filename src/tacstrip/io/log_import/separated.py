@@ -124,7 +124,12 @@ def separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) -
             f"line(s) {', '.join(map(str, out))}: readings that are commented out; passed over",
         )
     table = headed(split, width, decimal, tuple(filter(None, remarks)), named, above)
-    if lacking and are_remarks(lacking) and any(is_value(r[-1 - len(lacking)], decimal) for r in table.rows):
+    last = [r[-1 - len(lacking)] for r in table.rows]  # the last fields that are there
+    if (
+        lacking
+        and are_remarks(lacking)
+        and any(c and (is_value(c, decimal) or says_nothing(c)) for c in last)
+    ):
         said = f"no line has as many fields as there are names: taken as if {', '.join(lacking)} were missing"
         table = replace(table, doubts=(*table.doubts, said))
     else:
@@ -172,7 +177,8 @@ def _decimal_of_quoted(rows: Sequence[Sequence[str]]) -> str:
     commas = [cell for cell in cells if re.fullmatch(r"[+-]?\d+,\d+", cell)]
     if not commas or any(re.fullmatch(r"[+-]?[\d,]*\.\d+", cell) for cell in cells):
         return "."
-    if all(re.fullmatch(r"[+-]?[1-9]\d{0,2},\d{3}", cell) for cell in commas):
+    in_volts = any(re.search(r"[\[(]V[\])]", cell) for cell in cells)  # of which there are no thousands
+    if not in_volts and all(re.fullmatch(r"[+-]?[1-9]\d{0,2},\d{3}", cell) for cell in commas):
         raise ReadingError(
             f"{commas[0]!r}: a decimal comma, or thousands? Write such numbers with a decimal point, "
             "without marks in between"

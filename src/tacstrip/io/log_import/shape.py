@@ -216,18 +216,36 @@ def _of_unit_column(table: Table) -> Table:
 
 
 def _of_nothing(table: Table) -> Table:
-    """Return rows of a scan that names no strip, in a log of a line per strip, as of one without contact."""
+    """Return rows of a scan that names no strip, in a log of a line per strip, as of one without contact.
+
+    Where others of the same time name strips, such a row is of something else, and left out.
+    """
     known = meanings(table.names)
     strips = [n for n, m in known.items() if m.role == "strip"]
     read = [n for n, m in known.items() if m.role == "reading"]
     if len(strips) != 1 or not read:
         return table
     columns = [table.column(n) for n in (*strips, *read)]
-    void = {n for n, fields in enumerate(zip(*columns, strict=True)) if not any(fields)}
+    void = {n for n, fields in enumerate(zip(*columns, strict=True)) if all(map(says_nothing, fields))}
     void = {n for n in void if any(table.rows[n])}
     if not void or 2 * len(void) > len(table.rows):
         return table
-    shown = next(f for f in columns[0] if f)
+    clocks = [table.column(n) for n, m in known.items() if m.role in ("time", "scan")]
+    at = [*zip(*clocks, strict=True)] if clocks else [(n,) for n in range(len(table.rows))]
+    touched = {at[n] for n in range(len(table.rows)) if n not in void}
+    rows = [n for n in range(len(table.rows)) if n not in void or at[n] not in touched]
+    whole = all(f for n, fields in enumerate(zip(*columns, strict=True)) if n not in void for f in fields)
+    table = replace(
+        table,
+        rows=[table.rows[n] for n in rows],
+        lines=[table.lines[n] for n in rows],
+        absent=0 if whole else table.absent,
+    )
+    columns = [table.column(n) for n in strips]
+    void = {k for k, n in enumerate(rows) if n in void}
+    if not void:
+        return table
+    shown = next(f for k, f in enumerate(columns[0]) if k not in void)
     filled = [shown if n in void else f for n, f in enumerate(columns[0])]
     told = f"{len(void)} scan(s) without a strip: nothing touches in them"
     table = table.with_columns({n: filled if n == strips[0] else table.column(n) for n in table.names}, told)

@@ -31,7 +31,8 @@ _FROM_AN_END = re.compile(
 # As "strips are numbered 1 to 10", "strip numbers from 0", "1-based", "first strip is 1".
 _BASE = re.compile(
     r"\bstrips?\b[^\d\n]{0,30}?\b(?:from|numbered|counted|count|are|ab|von)\b[^\d\n]{0,12}?\b([01])\b"
-    r"|\b([01])[ -](?:based|indexed)\b|\bfirst strip\b[^\d\n]{0,20}?\b([01])\b|\bstrips ([01]) ?(?:to|-|\.\.+|bis) ?\d",
+    r"|\b([01])[ -](?:based|indexed)\b|\bfirst[ _-]?strip\b[^\d\n]{0,20}?\b([01])\b"
+    r"|\bstrips(?:[ :=]+\d+)?[ (:]{1,3}([01]) ?(?:to|-|\.\.+|bis) ?\d",
     re.IGNORECASE,
 )
 _NO_CONTACT = (

@@ -116,6 +116,11 @@ class Table:
         place = self.places[name]
         return [row[place] for row in self.rows]
 
+    def constants(self) -> list[str]:
+        """Return what columns that never change say, as lines such as "first_strip: 0"."""
+        columns = zip(self.names, zip(*self.rows, strict=True), strict=True)
+        return [f"{name}: {fields[0]}" for name, fields in columns if len({*fields}) == 1 and fields[0]]
+
     @cached_property
     def places(self) -> dict[str, int]:
         """Where each column stands in a row."""

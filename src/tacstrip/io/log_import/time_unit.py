@@ -192,7 +192,9 @@ def settled_time(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
                 )  # fmt: skip
             else:
                 text = f"the log has {len(rough)} scans and no time: how many scans per second?"
-                clues.ask("rate_hz", text, "50", NO_TIME, default="" if coarse else NO_TIME)
+                clues.ask(
+                    "rate_hz", text, "50", NO_TIME, default="" if coarse or _has_stamps(clues) else NO_TIME
+                )
         return replace(mapping, rate_hz=rate or 0.0)
     steps = np.diff(np.array([s.time_s for s in rough]))
     if len(steps) > 2 and (
@@ -267,6 +269,15 @@ def settled_time(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
         *(fits or ("s", "ms", "us")),
     )
     return replace(mapping, time_unit="s")
+
+
+def _has_stamps(clues: Clues) -> bool:
+    """Return whether a column holds times of day or dates on most lines, of which others may be damaged."""
+    columns = map(clues.table.column, clues.table.names)
+    return any(
+        2 * sum(number_of(f) is None and clock_seconds(f) is not None for f in fields) > len(fields)
+        for fields in columns
+    )
 
 
 def _by_rate(clues: Clues, mapping: ColumnMapping, step: float, rate: float | None) -> ColumnMapping:

@@ -36,8 +36,18 @@ def under_more_names(
         return split, width, ()
     if 2 * sum(m.role != "" for m in meanings(names).values()) < wide:
         return split, width, ()
-    filled = [(i, row + [""] * (wide - len(row)) if row in numbers else row) for i, row in split[first:]]
+    filled = [
+        (i, row + [""] * (wide - len(row)) if row in numbers or _is_idle(row, width) else row)
+        for i, row in split[first:]
+    ]
     return [*split[: max(first - 1, 0)], (top, names), *filled], wide, tuple(names[width:])
+
+
+def _is_idle(row: list[str], width: int) -> bool:
+    """Return whether a row says that nothing touches, beside a time."""
+    return len(row) == width and all(
+        says_nothing(c) or is_value(c, ".") or is_value(c, ",") for c in row if c
+    )
 
 
 def are_remarks(names: Sequence[str]) -> bool:

@@ -47,7 +47,9 @@ def as_readings(
     """Return the header and the lines of a readings file; parameters as of `write_log`."""
     codes = mapping.unit == "code" and not mapping.adc_bits and mapping.scale == 1.0
     scale = 1.0 if codes else in_volts(mapping, vref_volt)
-    return [*INDEX, *(_COLUMNS[c][codes] for c in mapping.channels)], rows(scans, strip_base, scale, mapping.timed)
+    return [*INDEX, *(_COLUMNS[c][codes] for c in mapping.channels)], rows(
+        scans, strip_base, scale, mapping.timed
+    )
 
 
 def in_volts(mapping: ColumnMapping, vref_volt: float, adc_bits: int | None = None) -> float:

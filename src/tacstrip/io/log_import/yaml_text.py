@@ -55,8 +55,7 @@ def of_yaml(text: str, path: str) -> Table | None:
     if not found:
         return None
     if len(found) == 1:
-        value = found[0][1]
-        return of_values(value if isinstance(value, list) else [value], path, "documents in YAML")
+        return of_values(found[0][1], path, "documents in YAML")
     keys = [set(_paths(value)) for _, value in found]
     last = [len(doc[-1][1].strip()) for doc in _documents(text)[0]]
     within = not text.endswith(("\n", "\r")) and last[-1] < min(
