@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -565,3 +566,42 @@ def test_a_log_without_times_gives_readings_without_them(tmp_path: Path) -> None
     out.write_text("\n".join([*lines[:-1], lines[-1].replace(",,", ",0.3,", 1)]) + "\n")
     with pytest.raises(ts.ReadingError, match="has a time, and those above it none"):
         ts.read_readings(out, RUBBER)
+
+
+@pytest.mark.parametrize("adc_bits", [None, 10])
+def test_a_wire_that_is_off_leaves_its_cells_empty_but_no_recording(
+    adc_bits: int | None, tmp_path: Path
+) -> None:
+    sensor = replace(RUBBER, adc_bits=adc_bits)
+    (tmp_path / "sensor.toml").write_text(sensor.to_toml(), encoding="utf-8")
+    top = ("v_h", "v_l", 5.0) if adc_bits is None else ("code_h", "code_l", 1023.0)
+    form = ".3f" if adc_bits is None else ".0f"
+
+    def log(*ends: str) -> list[str]:
+        lines = [
+            f"{i},{i / 50},{s}," + ",".join("" if n + str(s) in ends else volts(n, i, s, top[2], "", form) for n in ("kh", "kl"))
+            for i in SCANS for s in STRIPS
+        ]  # fmt: skip
+        (tmp_path / "log.csv").write_text(
+            "\n".join([f"scan,time_s,strip,{top[0]},{top[1]}", *lines]), "utf-8"
+        )
+        return lines
+
+    def run(out: str) -> Any:
+        return CliRunner().invoke(
+            cli, [*map(str, ("import", tmp_path / "log.csv", tmp_path / "sensor.toml", "-o", tmp_path / out))]
+        )
+
+    log("kh2")
+    told = run("out.csv")
+    assert told.exit_code == 0, told.output
+    assert "2:v_h is empty" in told.output
+    made = ts.read_readings(tmp_path / "out.csv", sensor)
+    for i in SCANS:
+        assert np.isnan(made[i]["kh"][2])
+        np.testing.assert_allclose(made[i]["kl"], K["kl"][i], atol=1e-3)
+    refused = run("out.mcap")
+    assert isinstance(refused.exception, ts.ReadingError)
+    assert "save as .csv" in str(refused.exception)
+    log("kh1", "kl2", "kh3")  # as of columns in another order
+    assert "columns of other strips" in str(run("other.csv").exception)

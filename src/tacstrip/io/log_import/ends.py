@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tacstrip.arrays import FloatArray
+from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.contents import comes_again
 from tacstrip.io.log_import.fields import number_of, says_nothing
 from tacstrip.io.log_import.mapping import ColumnMapping
@@ -33,6 +34,8 @@ _ALONE = 0.9  # of the readings of one end: so many have the other beside them
 _REST, _GAP = 0.05, 5.0  # of the largest reading: the most of noise; and times that: where readings begin
 _BELOW = 0.02  # of the largest reading: v_h below v_l by more is no noise
 _STRAYS = 2  # such readings, of which each may be a lost digit
+_LOST = 0.02  # of the touched strips: so many may lack one reading by chance
+_STRIPS_OFF = 4  # strips for each wire that may be off
 _ALIKE = 0.02  # relative: two columns that are the same quantity in two units
 
 
@@ -290,3 +293,31 @@ def ends_exchanged(scans: Sequence[LogScan], mapping: ColumnMapping, answer: str
     raise Unanswered(
         Question("exchanged", f"{text} Mend the log, or answer no to take it as it stands", choices)
     )
+
+
+def refuse_split_ends(scans: Sequence[LogScan], mapping: ColumnMapping, left_out: int = 0) -> None:
+    """Refuse scans in which strips have one reading of two as no wires that are off, or readings that are lost, do it.
+
+    Columns that are taken for those of other strips or ends give readings where nothing touches the other end.
+
+    Parameters
+    ----------
+    scans, mapping
+        Of a log.
+    left_out
+        How many channels the spec leaves out.
+
+    Raises
+    ------
+    ReadingError
+        Others than few channels lack readings where the strip's other channel has one, and more than seldom.
+    """
+    there = np.isfinite(np.stack([scan.values for scan in scans]))  # (scans, strips, channels)
+    lacks = np.sort((~there & there.any(axis=2, keepdims=True)).sum(axis=0).ravel())
+    off = left_out + max(1, mapping.strips // _STRIPS_OFF)
+    if lacks[:-off].sum() > _LOST * there.any(axis=2).sum():
+        raise ReadingError(
+            f"on {np.count_nonzero(lacks)} channels readings are missing where the strip's other channel has one: are "
+            "the columns of other strips or ends? If these wires are off, write the channels into the spec: "
+            'without = ["3:v_h", ...]'
+        )
