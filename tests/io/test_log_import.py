@@ -577,15 +577,12 @@ def test_a_wire_that_is_off_leaves_its_cells_empty_but_no_recording(
     top = ("v_h", "v_l", 5.0) if adc_bits is None else ("code_h", "code_l", 1023.0)
     form = ".3f" if adc_bits is None else ".0f"
 
-    def log(*ends: str) -> list[str]:
-        lines = [
-            f"{i},{i / 50},{s}," + ",".join("" if n + str(s) in ends else volts(n, i, s, top[2], "", form) for n in ("kh", "kl"))
-            for i in SCANS for s in STRIPS
-        ]  # fmt: skip
-        (tmp_path / "log.csv").write_text(
-            "\n".join([f"scan,time_s,strip,{top[0]},{top[1]}", *lines]), "utf-8"
-        )
-        return lines
+    def log(*ends: str) -> None:
+        def one(name: str, i: int, s: int) -> str:
+            return "" if f"{name}{s}" in ends else volts(name, i, s, top[2], "", form)
+
+        text = long(",", lambda i, s: [str(i), str(i / 50), str(s), one("kh", i, s), one("kl", i, s)])
+        (tmp_path / "log.csv").write_text(f"scan,time_s,strip,{top[0]},{top[1]}\n{text}", encoding="utf-8")
 
     def run(out: str) -> Any:
         return CliRunner().invoke(
