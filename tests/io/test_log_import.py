@@ -602,3 +602,35 @@ def test_a_wire_that_is_off_leaves_its_cells_empty_but_no_recording(
     assert "save as .csv" in str(refused.exception)
     log("kh1", "kl2", "kh3")  # as of columns in another order
     assert "columns of other strips" in str(run("other.csv").exception)
+
+
+def test_lines_of_another_quantity_are_passed_over_by_their_unit() -> None:
+    rows = [
+        f"{i / 50},strip_{s}/{end},{volts(name, i, s, 5000.0, '', '.1f')},mV\n"
+        + (f"{i / 50},board/temp,24.{i},degC\n" if (s, end) == (4, "low") else "")
+        for i in SCANS for s in STRIPS for end, name in (("high", "kh"), ("low", "kl"))
+    ]  # fmt: skip
+    found = propose(of_text("time_s,channel,value,unit\n" + "".join(rows), "log.csv"), RUBBER)
+    assert len(found.scans) == len(SCANS)
+    np.testing.assert_allclose(found.scans[2].values[:, 0], 5000.0 * K["kh"][2], atol=0.1)
+    lines = [
+        ",".join([str(i / 50), *(v and f"{v} V" for v in (volts("k", i, s, 3.3) for s in STRIPS)), f"{30 + i % 3}.5 \u00b0C"])
+        for i in SCANS
+    ]  # fmt: skip
+    cells = "\n".join(["time_s," + ",".join(f"Strip {s}" for s in STRIPS) + ",Board temp", *lines])
+    assert len(propose(of_text(cells, "log.csv"), METAL).scans) == len(SCANS)
+
+
+def test_only_touched_strips_have_lines_though_the_last_is_torn() -> None:
+    text = "".join(
+        f"# scan {i} t={20 * i} ms\n"
+        + "".join(
+            f"S{s + i // 4} H={code('kh', i % 4, s)} L={code('kl', i % 4, s)}\n"
+            for s in STRIPS if not np.isnan(K["kh"][i % 4, s])
+        )
+        for i in range(8)
+    )  # fmt: skip
+    log = of_text(text + "# scan 8 t=160 ms\nS2 H=635 L=315\nS3 H=60", "log.txt")
+    found = propose(log, RUBBER, {"strip_base": "0"})
+    assert found.mapping.missing == "untouched"
+    assert len(found.scans) == 8
