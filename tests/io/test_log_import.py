@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -634,3 +635,28 @@ def test_only_touched_strips_have_lines_though_the_last_is_torn() -> None:
     found = propose(log, RUBBER, {"strip_base": "0"})
     assert found.mapping.missing == "untouched"
     assert len(found.scans) == 8
+
+
+def test_a_messages_layout_is_no_scan_and_low_may_stand_first() -> None:
+    head = (
+        "layout:\n  dim:\n  - label: strip\n    size: 5\n  - label: 'v_low, v_high [V]'\n    size: 2\ndata:\n"
+    )
+    text = "---\n".join(
+        head + "".join(f"- {volts(n, i, s, nothing='.nan')}\n" for s in STRIPS for n in ("kl", "kh"))
+        for i in SCANS
+    )
+    found = propose(of_text(text, "log.txt"), RUBBER)
+    assert len(found.scans) == len(SCANS)
+    np.testing.assert_allclose(found.scans[2].values[:, 0], 5.0 * K["kh"][2], atol=1e-3)
+
+
+def test_records_that_describe_columns_name_them_however_deep() -> None:
+    sensors = [{"name": f"s{s}_{end}", "units": "V"} for s in STRIPS for end in ("hi", "lo")]
+    values = [
+        [float(volts(n, i, s, nothing="0")) for s in STRIPS for n in ("kh", "kl")] + [9.8] for i in SCANS
+    ]
+    payload = {"interval_ms": 20, "sensors": [*sensors, {"name": "accZ", "units": "m/s2"}], "values": values}
+    text = json.dumps({"signature": "00", "payload": payload})
+    found = propose(of_text(text, "log.json"), replace(RUBBER, rest_volt=0.0, touch_volt=0.02))
+    assert [scan.time_s for scan in found.scans] == pytest.approx([0.02 * i for i in SCANS])
+    np.testing.assert_allclose(found.scans[2].values[:, 1], np.nan_to_num(5.0 * K["kl"][2]), atol=1e-3)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -164,10 +164,10 @@ def _numbered(clues: Clues, readings: dict[str, Meaning], numbers: list[int]) ->
             return {name: f"{strip}:{end}" for name, (strip, end) in wired.items()}
     by_number = {m.strip: n for n, m in readings.items()}
     names = [by_number[i] for i in numbers]
-    order = order_of_ends(clues, names, f"{names[0]} to {names[-1]} are two for each strip")
+    order, low_first = order_of_ends(clues, names, f"{names[0]} to {names[-1]} are two for each strip")
     clues.counted = True
     at = [(n // 2, n % 2) if order == "alternating" else (n % many, n // many) for n in range(2 * many)]
-    made = {name: (strip, "hl"[end]) for name, (strip, end) in zip(names, at, strict=True)}
+    made = {name: (strip, "hl"[end != low_first]) for name, (strip, end) in zip(names, at, strict=True)}
     if not any(all(made[n] == (s - base, e) for n, (s, e) in wired.items()) for base in (0, 1)):
         raise ContradictionError(
             f"lines above the columns say of which strip and end {', '.join(wired)} are, and not so of each: name the "
@@ -176,10 +176,10 @@ def _numbered(clues: Clues, readings: dict[str, Meaning], numbers: list[int]) ->
     return {name: f"{strip}:{end}" for name, (strip, end) in made.items()}
 
 
-def order_of_ends(clues: Clues, names: list[str], said: str, low_first: bool = False) -> str:
-    """Return in which order columns of h and l stand: that in which k_h is the larger, if only one is."""
+def order_of_ends(clues: Clues, names: list[str], said: str, low_first: bool = False) -> tuple[str, bool]:
+    """Return in which order columns of h and l stand, and whether l is first: as k_h is the larger, if only one is."""
     if answer := clues.choice("order", ("alternating", "blocks")):
-        return answer
+        return answer, low_first
     fields = [
         [np.nan if says_nothing(f) else number_of(f, clues.table.decimal) for f in clues.table.column(n)]
         for n in names
@@ -198,12 +198,33 @@ def order_of_ends(clues: Clues, names: list[str], said: str, low_first: bool = F
     half = len(names) // 2
     if told := next(filter(None, (told_channels(line, half) for line in clues.table.preamble)), ""):
         clues.because(f"columns are {told}, as the log says above them")
-        return told
+        return told, low_first
     if in_blocks_said(clues.table.preamble):
         clues.because("columns are blocks, as the log says above them")
-        return "blocks"
+        return "blocks", low_first
     ways = {"alternating": (table[:, 0::2], table[:, 1::2]), "blocks": (table[:, :half], table[:, half:])}
     ways = {way: (b, a) if low_first else (a, b) for way, (a, b) in ways.items()}
+    holds = _ways_that_hold(ways)
+    if len(holds) == 1:
+        clues.because(f"columns are {holds[0]}: only so is k_h above k_l everywhere, as it must be")
+        return holds[0], low_first
+    if not holds and len(holds := _ways_that_hold({way: ends[::-1] for way, ends in ways.items()})) == 1:
+        first = "high" if low_first else "low"
+        clues.because(
+            f"columns are {holds[0]}, {first} first: only so is k_h above k_l everywhere, as it must be"
+        )
+        return holds[0], not low_first
+    clues.ask(
+        "order",
+        f"{said}: h, l, h, l, ... (alternating), or all h and then all l (blocks)?",
+        "alternating",
+        "blocks",
+    )
+    return "alternating", low_first
+
+
+def _ways_that_hold(ways: Mapping[str, tuple[FloatArray, FloatArray]]) -> list[str]:
+    """Return in which orders of columns k_h is above k_l: everywhere, or, of one order only, but for few pairs."""
     # Where one channel says that nothing touches, the other does.
     holds = [
         way
@@ -217,16 +238,7 @@ def order_of_ends(clues: Clues, names: list[str], said: str, low_first: bool = F
         good, bad = sorted(wrong, key=lambda way: wrong[way])
         if wrong[good] == 0.0 and wrong[bad] > _OFTEN:
             holds = [good]
-    if len(holds) == 1:
-        clues.because(f"columns are {holds[0]}: only so is k_h above k_l everywhere, as it must be")
-        return holds[0]
-    clues.ask(
-        "order",
-        f"{said}: h, l, h, l, ... (alternating), or all h and then all l (blocks)?",
-        "alternating",
-        "blocks",
-    )
-    return "alternating"
+    return holds
 
 
 def _part_below(high: FloatArray, low: FloatArray) -> float:

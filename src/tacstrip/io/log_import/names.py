@@ -463,8 +463,13 @@ def is_other_unit(unit: str) -> bool:
     (True, True, False, False)
     """
     known = _IN_NAMES.get(unit.lower(), "") or UNITS.get(unit, "")
-    return known not in READING_UNITS and known not in TIME_UNITS and bool(
-        _FOREIGN.match(unit) or re.fullmatch(r"[nmk]?[A-Za-z]{1,3}[/\u00b7][A-Za-z]{1,3}[\d\u00b2\u00b3^]*", unit)
+    return (
+        known not in READING_UNITS
+        and known not in TIME_UNITS
+        and bool(
+            _FOREIGN.match(unit)
+            or re.fullmatch(r"[nmk]?[A-Za-z]{1,3}[/\u00b7][A-Za-z]{1,3}[\d\u00b2\u00b3^]*", unit)
+        )
     )
 
 

@@ -225,7 +225,11 @@ def _without_other_quantities(table: Table, units: str) -> Table:
     for name in table.names if out and kept else ():
         column = table.column(name)
         own = {column[n] for n in out}
-        if name == units or own & {column[n] for n in kept} or not all(re.search(r"[^\W\d_]", f) for f in own):
+        if (
+            name == units
+            or own & {column[n] for n in kept}
+            or not all(re.search(r"[^\W\d_]", f) for f in own)
+        ):
             continue
         said = f"{', '.join(sorted(own))} in {', '.join(sorted({fields[n] for n in out}))}"
         return replace(
