@@ -614,10 +614,10 @@ def test_lines_of_another_quantity_are_passed_over_by_their_unit() -> None:
     found = propose(of_text("time_s,channel,value,unit\n" + "".join(rows), "log.csv"), RUBBER)
     assert len(found.scans) == len(SCANS)
     np.testing.assert_allclose(found.scans[2].values[:, 0], 5000.0 * K["kh"][2], atol=0.1)
-    lines = [
-        ",".join([str(i / 50), *(v and f"{v} V" for v in (volts("k", i, s, 3.3) for s in STRIPS)), f"{30 + i % 3}.5 \u00b0C"])
-        for i in SCANS
-    ]  # fmt: skip
+    lines = []
+    for i in SCANS:
+        read = [v and f"{v} V" for v in (volts("k", i, s, 3.3) for s in STRIPS)]
+        lines.append(",".join([str(i / 50), *read, f"{30 + i % 3}.5 \u00b0C"]))
     cells = "\n".join(["time_s," + ",".join(f"Strip {s}" for s in STRIPS) + ",Board temp", *lines])
     assert len(propose(of_text(cells, "log.csv"), METAL).scans) == len(SCANS)
 
@@ -660,3 +660,22 @@ def test_records_that_describe_columns_name_them_however_deep() -> None:
     found = propose(of_text(text, "log.json"), replace(RUBBER, rest_volt=0.0, touch_volt=0.02))
     assert [scan.time_s for scan in found.scans] == pytest.approx([0.02 * i for i in SCANS])
     np.testing.assert_allclose(found.scans[2].values[:, 1], np.nan_to_num(5.0 * K["kl"][2]), atol=1e-3)
+
+
+def test_ticks_and_volts_of_a_code_are_one_answer_each() -> None:
+    ticks = [0, 126, 252, 377]
+    head = "Top," + ",".join(f"S{s} {end}" for s in STRIPS for end in ("high", "low")) + "\n"
+
+    def row(i: int) -> list[str]:
+        return [str(ticks[i]), *(volts(n, i, s, 40000.0, "", ".0f") for s in STRIPS for n in ("kh", "kl"))]
+
+    text = wide(",", row, head)
+    sensor = replace(RUBBER, adc_bits=None)
+    with pytest.raises(Unanswered, match="time_unit"):
+        propose(of_text(text, "log.csv"), sensor, {"unit": "0.125mV"})
+    found = propose(of_text(text, "log.csv"), sensor, {"unit": "0.125mV", "time_unit": "0.4ms"})
+    assert [scan.time_s for scan in found.scans] == pytest.approx([0.0004 * t for t in ticks])
+    np.testing.assert_allclose(
+        found.mapping.scale * found.scans[1].values[:, 0], 5000.0 * K["kh"][1], atol=0.1
+    )
+    assert found.mapping.unit == "mV"

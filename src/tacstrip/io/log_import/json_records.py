@@ -114,14 +114,10 @@ def _without_descriptions(found: Sequence[tuple[int, Any]]) -> tuple[list[tuple[
         and all(k in p and p[k] == v for p in parts)
     ]  # fmt: skip
     # A sensor that nothing touches lists the same in each record, too: then no other list holds numbers.
-    data = any(
-        isinstance(v, list) and any(isinstance(e, int | float | str) for e in v)
-        for p in parts
-        for v in p.values()
-    )
-    if not same or not data:
+    lists = [v for p in parts for v in p.values() if isinstance(v, list)]
+    if not same or not any(isinstance(e, int | float | str) for v in lists for e in v):
         return [*found], ()
-    kept = [
+    kept: list[tuple[int, Any]] = [
         (i, {k: v for k, v in _unfolded("", row).items() if k not in same} if isinstance(row, dict) else row)
         for i, row in found
     ]

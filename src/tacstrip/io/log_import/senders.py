@@ -84,7 +84,7 @@ def _are_quantities(values: list[str]) -> bool:
 
     Examples
     --------
-    >>> _are_quantities(["31.0 \u00b0C", "31.5 \u00b0C"]), _are_quantities(["1A", "2A"]), _are_quantities(["pad 1", "pad 2"])
+    >>> _are_quantities(["31.0 \u00b0C", "31.5 \u00b0C"]), _are_quantities(["1A", "2A"]), _are_quantities(["pad 1"])
     (True, False, False)
     """
     found = [_QUANTITY.fullmatch(v) for v in values]
