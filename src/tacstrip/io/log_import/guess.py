@@ -15,7 +15,7 @@ import numpy as np
 
 from tacstrip.errors import OptionError, ReadingError
 from tacstrip.io.log_import import conversion, no_contact, time_unit, units
-from tacstrip.io.log_import.broken import hold_readings, of_other_kinds, settle_broken
+from tacstrip.io.log_import.broken import are_torn, hold_readings, of_other_kinds, settle_broken
 from tacstrip.io.log_import.changes import ask_for_notes
 from tacstrip.io.log_import.columns import Columns, find_columns
 from tacstrip.io.log_import.doubts import raise_doubts
@@ -615,8 +615,9 @@ def _missing(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> str:
     except ReadingError as error:
         if not any(said in str(error) for said in ("no line for", "lacks a value", "no column is of")):
             raise
-        torn = len(clues.table.broken) if mapping.strip else 0  # scans beside such lines are left out
-        if (not clues.table.broken or 0 < torn <= _FEW_BROKEN) and _only_touched(clues.table, mapping, rough):
+        # Scans beside torn lines are left out.
+        whole = not clues.table.broken or (mapping.strip and are_torn(clues.table))
+        if whole and _only_touched(clues.table, mapping, rough):
             clues.because(
                 "only touched strips have lines: they lie side by side, and none is without a reading"
             )
