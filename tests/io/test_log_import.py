@@ -679,3 +679,19 @@ def test_ticks_and_volts_of_a_code_are_one_answer_each() -> None:
         found.mapping.scale * found.scans[1].values[:, 0], 5000.0 * K["kh"][1], atol=0.1
     )
     assert found.mapping.unit == "mV"
+
+
+def test_a_line_cut_behind_its_strip_costs_its_scan() -> None:
+    lines = []
+    for i in range(8):
+        lines += [f"FRAME {i} @ {50 * i} ms"]
+        read = [s for s in STRIPS if not np.isnan(K["kh"][i % 4, s])]
+        lines += [f"  strip {s}: up {volts('kh', i % 4, s)} V, down {volts('kl', i % 4, s)} V" for s in read]
+    at = lines.index("FRAME 4 @ 200 ms") - 1
+    whole = propose(of_text("\n".join(lines), "log.txt"), RUBBER, {"strip_base": "0", "missing": "untouched"})
+    lines[at] = lines[at][:9]
+    found = propose(of_text("\n".join(lines), "log.txt"), RUBBER, {"strip_base": "0", "missing": "untouched"})
+    kept = {scan.time_s: scan.values for scan in whole.scans}
+    assert 0 < len(found.scans) < len(whole.scans)
+    for scan in found.scans:
+        np.testing.assert_array_equal(scan.values, kept[scan.time_s])

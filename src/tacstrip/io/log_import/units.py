@@ -165,7 +165,7 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
             clues.ask(
                 "vref_volt",
                 f"readings reach {values.max():g} {unit}, above vref_volt = {vref:g} of the spec: with which Vref was "
-                "the log made (then put it into the spec, too)? If they were amplified, --answer scale=0.5 (by what to "
+                "the log made (then put it into the spec, too)? If they were amplified, scale=0.5 (by what to "
                 "multiply them); if they are no volts, --answer unit=code (mV, ...)",
                 *fits,
             )  # fmt: skip
@@ -268,7 +268,7 @@ def _bits(clues: Clues, values: FloatArray, bits: int, scale: float) -> int:
         if_so = "if unit=code: " if "unit" in {q.key for q in clues.questions} else ""
         text = f"{if_so}codes reach {values.max():g}, {why}: how many bits has the converter?"
         if not bits:
-            text += " (If its range is not Vref, say the volts of a code: --answer unit=0.125mV)"
+            text += " (If its range is not Vref, say the volts of a code: unit=0.125mV)"
         clues.ask("adc_bits", text, *fits)
         return 0
     return bits
