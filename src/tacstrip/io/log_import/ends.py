@@ -208,7 +208,8 @@ def order_of_ends(clues: Clues, names: list[str], said: str, low_first: bool = F
     if len(holds) == 1:
         clues.because(f"columns are {holds[0]}: only so is k_h above k_l everywhere, as it must be")
         return holds[0], low_first
-    if not holds and len(holds := _ways_that_hold({way: ends[::-1] for way, ends in ways.items()})) == 1:
+    wrong = all(_part_below(high, low) > _OFTEN for high, low in ways.values())
+    if wrong and len(holds := _ways_that_hold({way: ends[::-1] for way, ends in ways.items()})) == 1:
         first = "high" if low_first else "low"
         clues.because(
             f"columns are {holds[0]}, {first} first: only so is k_h above k_l everywhere, as it must be"

@@ -110,7 +110,7 @@ def _without_descriptions(found: Sequence[tuple[int, Any]]) -> tuple[list[tuple[
     parts = [_unfolded("", row) for row in rows]
     same = [
         k for k, v in (parts[0] if len(rows) > 1 else {}).items()
-        if isinstance(v, list) and v and all(isinstance(e, dict) for e in v)
+        if isinstance(v, list) and v and all(isinstance(e, dict) and _describes(e) for e in v)
         and all(k in p and p[k] == v for p in parts)
     ]  # fmt: skip
     # A sensor that nothing touches lists the same in each record, too: then no other list holds numbers.
@@ -122,6 +122,14 @@ def _without_descriptions(found: Sequence[tuple[int, Any]]) -> tuple[list[tuple[
         for i, row in found
     ]
     return kept, tuple(line for k in same for element in parts[0][k] for line in said_above(element))
+
+
+def _describes(record: Mapping[str, Any]) -> bool:
+    """Return whether a record holds no reading that never changes: no decimal, and no name of one."""
+    return not any(
+        isinstance(v, float | list | dict) or meaning(k).role in ("reading", "strip")
+        for k, v in record.items()
+    )
 
 
 def _without_messages(
