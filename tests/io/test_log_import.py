@@ -551,7 +551,7 @@ def test_a_log_without_times_gives_readings_without_them(tmp_path: Path) -> None
     assert "the log has no time: time_s is left empty" in done.output
     assert [line.split(",")[1] for line in out.read_text().splitlines()[1:]] == [""] * K["kh"].size
     read = ts.read_readings(out, RUBBER)
-    np.testing.assert_allclose([scan.kh for scan in read], K["kh"], atol=2e-3)
+    np.testing.assert_allclose([scan["kh"] for scan in read], K["kh"], atol=2e-3)
     assert {scan.time_s for scan in read} == {0.0}
     again = tmp_path / "again.csv"
     mapping = str(out.with_suffix(".mapping.toml"))

@@ -118,7 +118,7 @@ def _write(
                 one_end = one_reading(output, sensor, made)
                 if one_end:
                     out = sum(int(lost.sum()) for lost in left_out_of(sensor).values())
-                    refuse_split_ends(found.scans, found.mapping, out)
+                    refuse_split_ends(found.scans, out)
                 warn(half_read(output, sensor, made[0].signatures), one_end)
                 warn_of_log(output, read_log(readings, sensor))
             except ReadingError as error:

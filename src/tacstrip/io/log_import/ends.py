@@ -35,7 +35,7 @@ _REST, _GAP = 0.05, 5.0  # of the largest reading: the most of noise; and times 
 _BELOW = 0.02  # of the largest reading: v_h below v_l by more is no noise
 _STRAYS = 2  # such readings, of which each may be a lost digit
 _LOST = 0.02  # of the touched strips: so many may lack one reading by chance
-_STRIPS_OFF = 4  # strips for each wire that may be off
+_STRIPS_OFF = 4  # touched strips for each wire that may be off
 _ALIKE = 0.02  # relative: two columns that are the same quantity in two units
 
 
@@ -308,14 +308,14 @@ def ends_exchanged(scans: Sequence[LogScan], mapping: ColumnMapping, answer: str
     )
 
 
-def refuse_split_ends(scans: Sequence[LogScan], mapping: ColumnMapping, left_out: int = 0) -> None:
+def refuse_split_ends(scans: Sequence[LogScan], left_out: int = 0) -> None:
     """Refuse scans in which strips have one reading of two as no wires that are off, or readings that are lost, do it.
 
     Columns that are taken for those of other strips or ends give readings where nothing touches the other end.
 
     Parameters
     ----------
-    scans, mapping
+    scans
         Of a log.
     left_out
         How many channels the spec leaves out.
@@ -327,7 +327,7 @@ def refuse_split_ends(scans: Sequence[LogScan], mapping: ColumnMapping, left_out
     """
     there = np.isfinite(np.stack([scan.values for scan in scans]))  # (scans, strips, channels)
     lacks = np.sort((~there & there.any(axis=2, keepdims=True)).sum(axis=0).ravel())
-    off = left_out + max(1, mapping.strips // _STRIPS_OFF)
+    off = left_out + max(1, int(there.any(axis=(0, 2)).sum()) // _STRIPS_OFF)
     if lacks[:-off].sum() > _LOST * there.any(axis=2).sum():
         raise ReadingError(
             f"on {np.count_nonzero(lacks)} channels readings are missing where the strip's other channel has one: are "
