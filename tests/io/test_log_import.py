@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -565,3 +567,131 @@ def test_a_log_without_times_gives_readings_without_them(tmp_path: Path) -> None
     out.write_text("\n".join([*lines[:-1], lines[-1].replace(",,", ",0.3,", 1)]) + "\n")
     with pytest.raises(ts.ReadingError, match="has a time, and those above it none"):
         ts.read_readings(out, RUBBER)
+
+
+@pytest.mark.parametrize("adc_bits", [None, 10])
+def test_a_wire_that_is_off_leaves_its_cells_empty_but_no_recording(
+    adc_bits: int | None, tmp_path: Path
+) -> None:
+    sensor = replace(RUBBER, adc_bits=adc_bits)
+    (tmp_path / "sensor.toml").write_text(sensor.to_toml(), encoding="utf-8")
+    top = ("v_h", "v_l", 5.0) if adc_bits is None else ("code_h", "code_l", 1023.0)
+    form = ".3f" if adc_bits is None else ".0f"
+
+    def log(*ends: str) -> None:
+        def one(name: str, i: int, s: int) -> str:
+            return "" if f"{name}{s}" in ends else volts(name, i, s, top[2], "", form)
+
+        text = long(",", lambda i, s: [str(i), str(i / 50), str(s), one("kh", i, s), one("kl", i, s)])
+        (tmp_path / "log.csv").write_text(f"scan,time_s,strip,{top[0]},{top[1]}\n{text}", encoding="utf-8")
+
+    def run(out: str) -> Any:
+        return CliRunner().invoke(
+            cli, [*map(str, ("import", tmp_path / "log.csv", tmp_path / "sensor.toml", "-o", tmp_path / out))]
+        )
+
+    log("kh2")
+    told = run("out.csv")
+    assert told.exit_code == 0, told.output
+    assert "2:v_h is empty" in told.output
+    made = ts.read_readings(tmp_path / "out.csv", sensor)
+    for i in SCANS:
+        assert np.isnan(made[i]["kh"][2])
+        np.testing.assert_allclose(made[i]["kl"], K["kl"][i], atol=1e-3)
+    refused = run("out.mcap")
+    assert isinstance(refused.exception, ts.ReadingError)
+    assert "save as .csv" in str(refused.exception)
+    log("kh1", "kl2", "kh3")  # as of columns in another order
+    assert "columns of other strips" in str(run("other.csv").exception)
+
+
+def test_lines_of_another_quantity_are_passed_over_by_their_unit() -> None:
+    rows = [
+        f"{i / 50},strip_{s}/{end},{volts(name, i, s, 5000.0, '', '.1f')},mV\n"
+        + (f"{i / 50},board/temp,24.{i},degC\n" if (s, end) == (4, "low") else "")
+        for i in SCANS for s in STRIPS for end, name in (("high", "kh"), ("low", "kl"))
+    ]  # fmt: skip
+    found = propose(of_text("time_s,channel,value,unit\n" + "".join(rows), "log.csv"), RUBBER)
+    assert len(found.scans) == len(SCANS)
+    np.testing.assert_allclose(found.scans[2].values[:, 0], 5000.0 * K["kh"][2], atol=0.1)
+    lines = []
+    for i in SCANS:
+        read = [v and f"{v} V" for v in (volts("k", i, s, 3.3) for s in STRIPS)]
+        lines.append(",".join([str(i / 50), *read, f"{30 + i % 3}.5 \u00b0C"]))
+    cells = "\n".join(["time_s," + ",".join(f"Strip {s}" for s in STRIPS) + ",Board temp", *lines])
+    assert len(propose(of_text(cells, "log.csv"), METAL).scans) == len(SCANS)
+
+
+def test_only_touched_strips_have_lines_though_the_last_is_torn() -> None:
+    text = "".join(
+        f"# scan {i} t={20 * i} ms\n"
+        + "".join(
+            f"S{s + i // 4} H={code('kh', i % 4, s)} L={code('kl', i % 4, s)}\n"
+            for s in STRIPS if not np.isnan(K["kh"][i % 4, s])
+        )
+        for i in range(8)
+    )  # fmt: skip
+    log = of_text(text + "# scan 8 t=160 ms\nS2 H=635 L=315\nS3 H=60", "log.txt")
+    found = propose(log, RUBBER, {"strip_base": "0"})
+    assert found.mapping.missing == "untouched"
+    assert len(found.scans) == 8
+
+
+def test_a_messages_layout_is_no_scan_and_low_may_stand_first() -> None:
+    head = (
+        "layout:\n  dim:\n  - label: strip\n    size: 5\n  - label: 'v_low, v_high [V]'\n    size: 2\ndata:\n"
+    )
+    text = "---\n".join(
+        head + "".join(f"- {volts(n, i, s, nothing='.nan')}\n" for s in STRIPS for n in ("kl", "kh"))
+        for i in SCANS
+    )
+    found = propose(of_text(text, "log.txt"), RUBBER)
+    assert len(found.scans) == len(SCANS)
+    np.testing.assert_allclose(found.scans[2].values[:, 0], 5.0 * K["kh"][2], atol=1e-3)
+
+
+def test_records_that_describe_columns_name_them_however_deep() -> None:
+    sensors = [{"name": f"s{s}_{end}", "units": "V"} for s in STRIPS for end in ("hi", "lo")]
+    values = [
+        [float(volts(n, i, s, nothing="0")) for s in STRIPS for n in ("kh", "kl")] + [9.8] for i in SCANS
+    ]
+    payload = {"interval_ms": 20, "sensors": [*sensors, {"name": "accZ", "units": "m/s2"}], "values": values}
+    text = json.dumps({"signature": "00", "payload": payload})
+    found = propose(of_text(text, "log.json"), replace(RUBBER, rest_volt=0.0, touch_volt=0.02))
+    assert [scan.time_s for scan in found.scans] == pytest.approx([0.02 * i for i in SCANS])
+    np.testing.assert_allclose(found.scans[2].values[:, 1], np.nan_to_num(5.0 * K["kl"][2]), atol=1e-3)
+
+
+def test_ticks_and_volts_of_a_code_are_one_answer_each() -> None:
+    ticks = [0, 126, 252, 377]
+    head = "Top," + ",".join(f"S{s} {end}" for s in STRIPS for end in ("high", "low")) + "\n"
+
+    def row(i: int) -> list[str]:
+        return [str(ticks[i]), *(volts(n, i, s, 40000.0, "", ".0f") for s in STRIPS for n in ("kh", "kl"))]
+
+    text = wide(",", row, head)
+    sensor = replace(RUBBER, adc_bits=None)
+    with pytest.raises(Unanswered, match="time_unit"):
+        propose(of_text(text, "log.csv"), sensor, {"unit": "0.125mV"})
+    found = propose(of_text(text, "log.csv"), sensor, {"unit": "0.125mV", "time_unit": "0.4ms"})
+    assert [scan.time_s for scan in found.scans] == pytest.approx([0.0004 * t for t in ticks])
+    np.testing.assert_allclose(
+        found.mapping.scale * found.scans[1].values[:, 0], 5000.0 * K["kh"][1], atol=0.1
+    )
+    assert found.mapping.unit == "mV"
+
+
+def test_a_line_cut_behind_its_strip_costs_its_scan() -> None:
+    lines = []
+    for i in range(8):
+        lines += [f"FRAME {i} @ {50 * i} ms"]
+        read = [s for s in STRIPS if not np.isnan(K["kh"][i % 4, s])]
+        lines += [f"  strip {s}: up {volts('kh', i % 4, s)} V, down {volts('kl', i % 4, s)} V" for s in read]
+    at = lines.index("FRAME 4 @ 200 ms") - 1
+    whole = propose(of_text("\n".join(lines), "log.txt"), RUBBER, {"strip_base": "0", "missing": "untouched"})
+    lines[at] = lines[at][:9]
+    found = propose(of_text("\n".join(lines), "log.txt"), RUBBER, {"strip_base": "0", "missing": "untouched"})
+    kept = {scan.time_s: scan.values for scan in whole.scans}
+    assert 0 < len(found.scans) < len(whole.scans)
+    for scan in found.scans:
+        np.testing.assert_array_equal(scan.values, kept[scan.time_s])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import itertools
 import tempfile
 import tomllib
@@ -13,12 +12,12 @@ import numpy as np
 
 from tacstrip.cli import load_sensor, new_file, note, options, warn, warn_of_log
 from tacstrip.cli.record import save_recording
-from tacstrip.diagnose.log import Log
+from tacstrip.diagnose.log import read_log
 from tacstrip.errors import OptionError, ReadingError, one_of
 from tacstrip.files import read_text, replacing
-from tacstrip.io.input_checks import counted_down, half_read
+from tacstrip.io.input_checks import counted_down, half_read, one_reading
 from tacstrip.io.log_import.containers import read_table
-from tacstrip.io.log_import.ends import ends_exchanged
+from tacstrip.io.log_import.ends import ends_exchanged, refuse_split_ends
 from tacstrip.io.log_import.fields import number_of
 from tacstrip.io.log_import.guess import Proposal, left_out, propose, settled
 from tacstrip.io.log_import.mapping import ColumnMapping
@@ -26,6 +25,7 @@ from tacstrip.io.log_import.scans import is_newest_first, scans
 from tacstrip.io.log_import.table import Table
 from tacstrip.io.log_import.write import at_rest, in_volts, rows, touched, write_log
 from tacstrip.io.readings import read_readings
+from tacstrip.sensor.left_out import left_out as left_out_of
 from tacstrip.sensor.rest_level import all_read_hint, rest_hint
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.replay import open_source
@@ -114,15 +114,23 @@ def _write(
         write_log(readings, found.scans, found.mapping, vref, base)
         if sensor is not None and spec is not None:
             try:
-                read_readings(readings, sensor)
+                made = read_readings(readings, sensor)
+                one_end = one_reading(output, sensor, made)
+                if one_end:
+                    out = sum(int(lost.sum()) for lost in left_out_of(sensor).values())
+                    refuse_split_ends(found.scans, out)
+                warn(half_read(output, sensor, made[0].signatures), one_end)
+                warn_of_log(output, read_log(readings, sensor))
             except ReadingError as error:
                 why = str(error).removeprefix(f"{readings}: ")
                 raise ReadingError(
                     f"{log}: read as the reasons say, it gives no readings of {spec}: {why}"
                 ) from None
-            with contextlib.closing(open_source(str(readings), sensor)) as source:
-                warn(half_read(output, sensor, source.names))
-                warn_of_log(output, Log.of_codes(sensor, source))
+            if one_end and output.suffix.lower() == ".mcap":
+                raise ReadingError(
+                    f"{output}: a recording holds codes, which cannot say that one reading of a strip is missing; save "
+                    "as .csv, or leave the channel out (without = [...] in the spec)"
+                )
         with replacing(output) as part:
             if output.suffix.lower() == ".mcap":
                 assert sensor is not None

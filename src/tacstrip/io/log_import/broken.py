@@ -112,6 +112,12 @@ def _shown(lines: list[int]) -> str:
     return ", ".join(map(str, lines[:_QUOTED])) + (", ..." if len(lines) > _QUOTED else "")
 
 
+def are_torn(table: Table) -> bool:
+    """Return whether the lines that are not like the others are few, and none names a scan, which rows do not."""
+    named = [item.name for n in table.broken for item in items(table.quotes.get(n, ""))]
+    return len(table.broken) < _FEW and not any(meaning(name).role in ("time", "scan") for name in named)
+
+
 def hold_readings(table: Table, lines: list[int]) -> list[int]:
     """Return the lines above or below all rows that hold as many numbers as these, as in a list's outer brackets."""
     quotes = {n: table.quotes.get(n, "") for n in lines if not min(table.lines) < n < max(table.lines)}

@@ -83,12 +83,13 @@ def readings_of_block(
         answer = told
         end = "first" if told == "ascending" else "last"
         clues.because(f"the {end} strip's columns stand first, as the log says: {line.strip()[:80]!r}")
-    low_first = channels == 2 and order_said(clues.table.preamble) == "lh"
-    order = (
-        order_of_ends(clues, block, f"{block[0]} to {block[-1]} are two for each strip", low_first)
-        if channels == 2
-        else ""
-    )
+    order, low_first = "", False
+    if channels == 2:
+        said = (*clues.table.preamble, *clues.table.constants())
+        low_first = order_said(said) == "lh"
+        order, low_first = order_of_ends(
+            clues, block, f"{block[0]} to {block[-1]} are two for each strip", low_first
+        )
     at = [
         (n, 0) if channels == 1 else divmod(n, 2) if order == "alternating" else (n % strips, n // strips)
         for n in range(len(block))

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from tacstrip.arrays import FloatArray
+from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.contents import comes_again
 from tacstrip.io.log_import.fields import number_of, says_nothing
 from tacstrip.io.log_import.mapping import ColumnMapping
@@ -33,6 +34,8 @@ _ALONE = 0.9  # of the readings of one end: so many have the other beside them
 _REST, _GAP = 0.05, 5.0  # of the largest reading: the most of noise; and times that: where readings begin
 _BELOW = 0.02  # of the largest reading: v_h below v_l by more is no noise
 _STRAYS = 2  # such readings, of which each may be a lost digit
+_LOST = 0.02  # of the touched strips: so many may lack one reading by chance
+_STRIPS_OFF = 4  # touched strips for each wire that may be off
 _ALIKE = 0.02  # relative: two columns that are the same quantity in two units
 
 
@@ -161,10 +164,10 @@ def _numbered(clues: Clues, readings: dict[str, Meaning], numbers: list[int]) ->
             return {name: f"{strip}:{end}" for name, (strip, end) in wired.items()}
     by_number = {m.strip: n for n, m in readings.items()}
     names = [by_number[i] for i in numbers]
-    order = order_of_ends(clues, names, f"{names[0]} to {names[-1]} are two for each strip")
+    order, low_first = order_of_ends(clues, names, f"{names[0]} to {names[-1]} are two for each strip")
     clues.counted = True
     at = [(n // 2, n % 2) if order == "alternating" else (n % many, n // many) for n in range(2 * many)]
-    made = {name: (strip, "hl"[end]) for name, (strip, end) in zip(names, at, strict=True)}
+    made = {name: (strip, "hl"[end != low_first]) for name, (strip, end) in zip(names, at, strict=True)}
     if not any(all(made[n] == (s - base, e) for n, (s, e) in wired.items()) for base in (0, 1)):
         raise ContradictionError(
             f"lines above the columns say of which strip and end {', '.join(wired)} are, and not so of each: name the "
@@ -173,10 +176,10 @@ def _numbered(clues: Clues, readings: dict[str, Meaning], numbers: list[int]) ->
     return {name: f"{strip}:{end}" for name, (strip, end) in made.items()}
 
 
-def order_of_ends(clues: Clues, names: list[str], said: str, low_first: bool = False) -> str:
-    """Return in which order columns of h and l stand: that in which k_h is the larger, if only one is."""
+def order_of_ends(clues: Clues, names: list[str], said: str, low_first: bool = False) -> tuple[str, bool]:
+    """Return in which order columns of h and l stand, and whether l is first: as k_h is the larger, if only one is."""
     if answer := clues.choice("order", ("alternating", "blocks")):
-        return answer
+        return answer, low_first
     fields = [
         [np.nan if says_nothing(f) else number_of(f, clues.table.decimal) for f in clues.table.column(n)]
         for n in names
@@ -195,12 +198,34 @@ def order_of_ends(clues: Clues, names: list[str], said: str, low_first: bool = F
     half = len(names) // 2
     if told := next(filter(None, (told_channels(line, half) for line in clues.table.preamble)), ""):
         clues.because(f"columns are {told}, as the log says above them")
-        return told
+        return told, low_first
     if in_blocks_said(clues.table.preamble):
         clues.because("columns are blocks, as the log says above them")
-        return "blocks"
+        return "blocks", low_first
     ways = {"alternating": (table[:, 0::2], table[:, 1::2]), "blocks": (table[:, :half], table[:, half:])}
     ways = {way: (b, a) if low_first else (a, b) for way, (a, b) in ways.items()}
+    holds = _ways_that_hold(ways)
+    if len(holds) == 1:
+        clues.because(f"columns are {holds[0]}: only so is k_h above k_l everywhere, as it must be")
+        return holds[0], low_first
+    wrong = all(_part_below(high, low) > _OFTEN for high, low in ways.values())
+    if wrong and len(holds := _ways_that_hold({way: ends[::-1] for way, ends in ways.items()})) == 1:
+        first = "high" if low_first else "low"
+        clues.because(
+            f"columns are {holds[0]}, {first} first: only so is k_h above k_l everywhere, as it must be"
+        )
+        return holds[0], not low_first
+    clues.ask(
+        "order",
+        f"{said}: h, l, h, l, ... (alternating), or all h and then all l (blocks)?",
+        "alternating",
+        "blocks",
+    )
+    return "alternating", low_first
+
+
+def _ways_that_hold(ways: Mapping[str, tuple[FloatArray, FloatArray]]) -> list[str]:
+    """Return in which orders of columns k_h is above k_l: everywhere, or, of one order only, but for few pairs."""
     # Where one channel says that nothing touches, the other does.
     holds = [
         way
@@ -214,16 +239,7 @@ def order_of_ends(clues: Clues, names: list[str], said: str, low_first: bool = F
         good, bad = sorted(wrong, key=lambda way: wrong[way])
         if wrong[good] == 0.0 and wrong[bad] > _OFTEN:
             holds = [good]
-    if len(holds) == 1:
-        clues.because(f"columns are {holds[0]}: only so is k_h above k_l everywhere, as it must be")
-        return holds[0]
-    clues.ask(
-        "order",
-        f"{said}: h, l, h, l, ... (alternating), or all h and then all l (blocks)?",
-        "alternating",
-        "blocks",
-    )
-    return "alternating"
+    return holds
 
 
 def _part_below(high: FloatArray, low: FloatArray) -> float:
@@ -290,3 +306,31 @@ def ends_exchanged(scans: Sequence[LogScan], mapping: ColumnMapping, answer: str
     raise Unanswered(
         Question("exchanged", f"{text} Mend the log, or answer no to take it as it stands", choices)
     )
+
+
+def refuse_split_ends(scans: Sequence[LogScan], left_out: int = 0) -> None:
+    """Refuse scans in which strips have one reading of two as no wires that are off, or readings that are lost, do it.
+
+    Columns that are taken for those of other strips or ends give readings where nothing touches the other end.
+
+    Parameters
+    ----------
+    scans
+        Of a log.
+    left_out
+        How many channels the spec leaves out.
+
+    Raises
+    ------
+    ReadingError
+        Others than few channels lack readings where the strip's other channel has one, and more than seldom.
+    """
+    there = np.isfinite(np.stack([scan.values for scan in scans]))  # (scans, strips, channels)
+    lacks = np.sort((~there & there.any(axis=2, keepdims=True)).sum(axis=0).ravel())
+    off = left_out + max(1, int(there.any(axis=(0, 2)).sum()) // _STRIPS_OFF)
+    if lacks[:-off].sum() > _LOST * there.any(axis=2).sum():
+        raise ReadingError(
+            f"on {np.count_nonzero(lacks)} channels readings are missing where the strip's other channel has one: are "
+            "the columns of other strips or ends? If these wires are off, write the channels into the spec: "
+            'without = ["3:v_h", ...]'
+        )

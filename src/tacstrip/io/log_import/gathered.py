@@ -106,6 +106,14 @@ def _shared(parsed: list[tuple[int, list[Item]]], stamps: Mapping[int, str]) -> 
     return stamps if are_of_one_time(times, keys) else {}
 
 
+def _cut_labels(parsed: list[tuple[int, list[Item]]]) -> frozenset[int]:
+    """Return the few lines that only name a strip, where nearly all that name one hold its values, too."""
+    roles = {i: [meaning(name).role for name in _fields(found)] for i, found in parsed}
+    alone = frozenset(i for i, said in roles.items() if said == ["strip"])
+    whole = sum("strip" in said and len(said) > 1 for said in roles.values())
+    return alone if len(alone) < (1.0 - STEADY) * whole else frozenset()
+
+
 def _says_no_contact(line: str) -> bool:
     """Return whether a line says in words that nothing touches, as in `t=3 msg="no contact"`."""
     words = re.findall(r"\"([^\"]+)\"|[=:]\s*([A-Za-z][A-Za-z _/-]*)|((?:[A-Za-z_/-]+\s*)+)\Z", line)
@@ -198,7 +206,11 @@ def _gathered(
         if sum(t.strip().startswith(word) for t in texts.values()) > 2
         for n in range(2, len(word) + 1)
     }
+    torn = _cut_labels(parsed)
     for number, found in parsed:
+        if number in torn:
+            strange.append(number)
+            continue
         if not any(i.told or i.name for i in found):
             if not records and not record:
                 above.append(number)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import bisect
 import contextlib
 import itertools
 import re
@@ -14,7 +15,7 @@ import numpy as np
 
 from tacstrip.errors import OptionError, ReadingError
 from tacstrip.io.log_import import conversion, no_contact, time_unit, units
-from tacstrip.io.log_import.broken import hold_readings, of_other_kinds, settle_broken
+from tacstrip.io.log_import.broken import are_torn, hold_readings, of_other_kinds, settle_broken
 from tacstrip.io.log_import.changes import ask_for_notes
 from tacstrip.io.log_import.columns import Columns, find_columns
 from tacstrip.io.log_import.doubts import raise_doubts
@@ -614,7 +615,9 @@ def _missing(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> str:
     except ReadingError as error:
         if not any(said in str(error) for said in ("no line for", "lacks a value", "no column is of")):
             raise
-        if not clues.table.broken and _only_touched(clues.table, mapping, rough):
+        # Scans beside torn lines are left out.
+        whole = not clues.table.broken or (mapping.strip and are_torn(clues.table))
+        if whole and _only_touched(clues.table, mapping, rough):
             clues.because(
                 "only touched strips have lines: they lie side by side, and none is without a reading"
             )
@@ -676,6 +679,14 @@ def _fail_in_pairs(table: Table, mapping: ColumnMapping) -> bool:
     )
 
 
+def _lines_of_kept(table: Table, mapping: ColumnMapping) -> list[int]:
+    """Return the lines of all rows but those of scans that are left out."""
+    dropped: list[int] = []
+    begins = [scan.line for scan in scans(table, mapping, dropped)]
+    begins = sorted([*begins, *dropped])
+    return [i for i in table.lines if begins[max(bisect.bisect(begins, i) - 1, 0)] not in {*dropped}]
+
+
 def _only_touched(table: Table, mapping: ColumnMapping, rough: list[LogScan]) -> bool:
     """Return whether scans list only touched strips: side by side, with readings, not always the same, seldom all."""
     there = np.asarray(np.isfinite(np.stack([s.values for s in rough])).any(axis=2))  # (scans, strips)
@@ -692,7 +703,8 @@ def _only_touched(table: Table, mapping: ColumnMapping, rough: list[LogScan]) ->
             int(np.isfinite(s.values).sum()) for s in rough
         )
     else:
-        listed = sum(i not in table.empty for i in table.lines) if mapping.strip and not table.absent else 0
+        kept = _lines_of_kept(table, mapping) if table.broken else table.lines
+        listed = sum(i not in table.empty for i in kept) if mapping.strip and not table.absent else 0
         touched = int(there.sum()) * (2 if mapping.which else 1) == listed
     # Of the same strips always, and most of all, the others may not be logged.
     vary = len(np.unique(there, axis=0)) > 1 or there.mean() <= _MOST_STEADY

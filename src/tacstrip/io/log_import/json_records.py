@@ -19,6 +19,8 @@ from tacstrip.io.log_import.names import meaning
 from tacstrip.io.log_import.table import CLOCK, Table, flattened, of_records, said_above
 from tacstrip.io.log_import.xml_records import of_xml
 
+# Of a record that describes a column: what its name and its unit are called.
+_DESCRIBED = (("name", "label", "channel", "field", "key", "id"), ("unit", "units"))
 _TUPLES = re.compile(r"(?m)^\(.*,\s*\(.*\)\)\s*$")  # within each other
 
 
@@ -58,13 +60,15 @@ def of_values(
 ) -> Table | None:
     """Return records, lists or an object of columns as a table; None where they are none. Perhaps with their lines."""
     above: tuple[str, ...] = ()
-    found = value if numbered else list(enumerate(_rows_of(value), 1))
+    found = value if numbered else list(enumerate(_rows_of(_named_within(value) or value), 1))
     if not numbered and isinstance(value, dict) and found[0][1] is not value:
         above = said_above({k: v for k, v in value.items() if not isinstance(v, list)})
     rows = [(i, row) for i, row in found if isinstance(row, list | tuple)]
     if rows and len(rows) == len(found):
         table = _of_lists(rows)
         return table and replace(table, preamble=above)
+    found, same = _without_descriptions(found)
+    above += same
     records, lines = [], []
     empty: set[int] = set()
     exploded = [(i, row, _exploded(row)) for i, row in found if isinstance(row, dict)]
@@ -91,6 +95,40 @@ def of_values(
     table = of_records(records, lines, ".", told, *remarks)
     return replace(
         table, names=_described(table.names, above), preamble=above, varied=varied, empty=frozenset(empty)
+    )
+
+
+def _without_descriptions(found: Sequence[tuple[int, Any]]) -> tuple[list[tuple[int, Any]], tuple[str, ...]]:
+    """Return records without lists of records that are the same in each, as a message's layout; and what these say.
+
+    Examples
+    --------
+    >>> _without_descriptions([(n, {"dim": [{"label": "strip"}], "data": [n, 5]}) for n in (1, 2)])
+    ([(1, {'data': [1, 5]}), (2, {'data': [2, 5]})], ('label: strip',))
+    """
+    rows = [row for _, row in found if isinstance(row, dict)]
+    parts = [_unfolded("", row) for row in rows]
+    same = [
+        k for k, v in (parts[0] if len(rows) > 1 else {}).items()
+        if isinstance(v, list) and v and all(isinstance(e, dict) and _describes(e) for e in v)
+        and all(k in p and p[k] == v for p in parts)
+    ]  # fmt: skip
+    # A sensor that nothing touches lists the same in each record, too: then no other list holds numbers.
+    lists = [v for p in parts for v in p.values() if isinstance(v, list)]
+    if not same or not any(isinstance(e, int | float | str) for v in lists for e in v):
+        return [*found], ()
+    kept: list[tuple[int, Any]] = [
+        (i, {k: v for k, v in _unfolded("", row).items() if k not in same} if isinstance(row, dict) else row)
+        for i, row in found
+    ]
+    return kept, tuple(line for k in same for element in parts[0][k] for line in said_above(element))
+
+
+def _describes(record: Mapping[str, Any]) -> bool:
+    """Return whether a record holds no reading that never changes: no decimal, and no name of one."""
+    return not any(
+        isinstance(v, float | list | dict) or meaning(k).role in ("reading", "strip")
+        for k, v in record.items()
     )
 
 
@@ -214,7 +252,7 @@ def columns_within(value: Any) -> dict[str, list[Any]]:
 def _with_names(record: Mapping[str, Any]) -> dict[str, Any]:
     """Return a record with records in place of lists of as many values as a list of names beside them has.
 
-    A name may be of several levels; what stands beside has a value of each.
+    A name may be of several levels, or a record with a unit; what stands beside has a value of each.
 
     Examples
     --------
@@ -246,8 +284,27 @@ def _with_names(record: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
+def _named_within(value: Any) -> dict[str, Any] | None:
+    """Return the innermost record, however deep, in which a list of names stands beside the rows that it names."""
+    if not isinstance(value, dict):
+        return None
+    inner = (found for v in value.values() if (found := _named_within(v)) is not None)
+    return next(inner, value if _with_names(value) != value else None)
+
+
 def _name(value: Any) -> str:
-    """Return a name, or one of several levels that begins with a word; "" of what is none."""
+    """Return a name, also of several levels, or of a record with its unit; "" of what is none.
+
+    Examples
+    --------
+    >>> _name("h"), _name(["h", 0]), _name({"name": "h0", "units": "V"}), _name(5)
+    ('h', 'h 0', 'h0 [V]', '')
+    """
+    if isinstance(value, dict):
+        name, unit = (next((v for k, v in value.items() if k.casefold() in keys), "") for keys in _DESCRIBED)
+        said = isinstance(name, str) and isinstance(unit, str)
+        said &= not any(isinstance(v, float | list | dict) for v in value.values())  # else it holds a reading
+        return (f"{name} [{unit}]" if unit else name) if said and name else ""
     if isinstance(value, list) and value and isinstance(value[0], str):
         return " ".join(map(str, value)) if all(isinstance(v, str | int) for v in value) else ""
     return value if isinstance(value, str) else ""

@@ -454,6 +454,25 @@ def unknown_unit(name: str) -> str:
     return last[1] if last else factor.group() if factor else ""
 
 
+def is_other_unit(unit: str) -> bool:
+    """Return whether a text is the unit of a quantity that is neither a reading nor a time, as temperatures are in.
+
+    Examples
+    --------
+    >>> is_other_unit("degC"), is_other_unit("m/s2"), is_other_unit("mV"), is_other_unit("raw")
+    (True, True, False, False)
+    """
+    known = _IN_NAMES.get(unit.lower(), "") or UNITS.get(unit, "")
+    return (
+        known not in READING_UNITS
+        and known not in TIME_UNITS
+        and bool(
+            _FOREIGN.match(unit)
+            or re.fullmatch(r"[nmk]?[A-Za-z]{1,3}[/\u00b7][A-Za-z]{1,3}[\d\u00b2\u00b3^]*", unit)
+        )
+    )
+
+
 def with_latin_units(text: str) -> str:
     """Return a text with units of Cyrillic letters as others write them.
 

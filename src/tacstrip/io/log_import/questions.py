@@ -18,6 +18,7 @@ KEYS = (
     "turn",
 )  # fmt: skip
 OF_FORM = ("broken_lines", "rate_hz", "order", "which_h", "missing", "untouched")
+_STEP = re.compile(r"(\d+(?:\.\d+)?)\s?([mu]?V)")
 _BASES = {"0-based": "0", "1-based": "1"}  # strips=1-based says strip_base=1
 
 
@@ -77,6 +78,10 @@ class Clues:
         self.doubts += self.table.doubts
         if (base := _BASES.get(self.answers.get("strips", ""))) is not None:
             self.answers = {k: v for k, v in self.answers.items() if k != "strips"} | {"strip_base": base}
+        if m := _STEP.fullmatch(
+            self.answers.get("unit", "")
+        ):  # volts of a code: a unit, times a number of them
+            self.answers = {"scale": m[1]} | self.answers | {"unit": m[2]}
         self.answers = {self._full_name(key): answer for key, answer in self.answers.items()}
         self.table = self.table.part_at_note(self.answers.get(PART, ""))
         for key, answer in list(self.answers.items()):

@@ -9,6 +9,7 @@ from collections import Counter
 from tacstrip.io.log_import.fields import clock_seconds, is_date, number_of
 from tacstrip.io.log_import.names import (
     Meaning,
+    is_other_unit,
     meaning,
     pair_of,
 )
@@ -21,6 +22,7 @@ _SENSORS = frozenset(names_of("sensors"))
 # What names the sender of a line or message, or its kind.
 _SOURCES = frozenset(names_of("senders"))
 _SIZES = frozenset(names_of("sizes"))
+_QUANTITY = re.compile(r"([-+]?\d+(?:[.,]\d+)?)\s?([^\s\d]\S{0,7})")
 _MOST_SENSORS, _FEW_COUNTED = 12, 2
 
 
@@ -48,7 +50,7 @@ def ask_for_sensor(clues: Clues, known: dict[str, Meaning]) -> None:
             or not 1 < len(values) <= _MOST_SENSORS or not all(values) or {*values} & {*ROLES}
             or (known[name].role == "reading" and known[name].strip is not None)
             or all(clock_seconds(v) is not None or is_date(v) for v in values)
-            or _rise_with_scans(fields, when)
+            or _rise_with_scans(fields, when) or _are_quantities(values)
         ):  # fmt: skip
             continue
         each = Counter(zip(keys, fields, strict=True)) if keys else Counter()
@@ -75,6 +77,20 @@ def _rise_with_scans(fields: list[str], when: list[tuple[str, ...]]) -> bool:
     rising = all(a is not None and b is not None and a < b for a, b in itertools.pairwise(runs))
     scans = {*zip(fields, when, strict=True)} if when else set()
     return len(runs) > _FEW_COUNTED and rising and len(scans) == len({*fields})
+
+
+def _are_quantities(values: list[str]) -> bool:
+    """Return whether all are numbers in one unit, none a reading's, as temperatures: they name no sensor.
+
+    Examples
+    --------
+    >>> _are_quantities(["31.0 \u00b0C", "31.5 \u00b0C"]), _are_quantities(["1A", "2A"]), _are_quantities(["pad 1"])
+    (True, False, False)
+    """
+    found = [_QUANTITY.fullmatch(v) for v in values]
+    units = {m[2] for m in found if m}
+    measured = any(m[1].strip("+-").isdigit() is False for m in found if m) or any(len(u) > 1 for u in units)
+    return None not in found and len(units) == 1 and measured and all(map(is_other_unit, units))
 
 
 def _come_in_turn(fields: list[str]) -> bool:

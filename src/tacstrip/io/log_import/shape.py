@@ -23,6 +23,7 @@ from tacstrip.io.log_import.names import (
     READING_UNITS,
     TIME_UNITS,
     UNITS,
+    is_other_unit,
     meaning,
     meanings,
 )
@@ -183,6 +184,7 @@ def _of_unit_column(table: Table) -> Table:
     named = [n for n in table.names if _UNITS_COLUMN.fullmatch(n.strip()) and any(table.column(n))]
     if len(named) != 1:
         return table
+    table = _without_other_quantities(table, named[0])
     said = [UNITS.get(f) or UNITS.get(f.lower(), "") for f in table.column(named[0])]
     units = {u for u, f in zip(said, table.column(named[0]), strict=True) if f}
     readings = [
@@ -213,6 +215,28 @@ def _of_unit_column(table: Table) -> Table:
             ]
         columns[f"{name} [{unit}]" if name in readings else name] = fields
     return table.with_columns(columns, f"{named[0]}: the readings are in {' and '.join(sorted(units))}")
+
+
+def _without_other_quantities(table: Table, units: str) -> Table:
+    """Leave out rows in another quantity's unit, such as degrees, of channels that have no reading; with a doubt."""
+    fields = table.column(units)
+    out = {n for n, f in enumerate(fields) if f and is_other_unit(f)}
+    kept = [n for n in range(len(fields)) if n not in out]
+    for name in table.names if out and kept else ():
+        column = table.column(name)
+        own = {column[n] for n in out}
+        if (
+            name == units
+            or own & {column[n] for n in kept}
+            or not all(re.search(r"[^\W\d_]", f) for f in own)
+        ):
+            continue
+        said = f"{', '.join(sorted(own))} in {', '.join(sorted({fields[n] for n in out}))}"
+        return replace(
+            table, rows=[table.rows[n] for n in kept], lines=[table.lines[n] for n in kept],
+            remarks=(*table.remarks, f"{name}: {said} is another quantity than the readings; passed over"),
+        )  # fmt: skip
+    return table
 
 
 def _of_nothing(table: Table) -> Table:

@@ -6,8 +6,8 @@ import itertools
 import re
 from collections.abc import Sequence
 
-_HIGH = r"\b(?:high|hi|upper|top|v?_?h)\b"
-_LOW = r"\b(?:low|lo|lower|bottom|v?_?l)\b"
+_HIGH = r"\b(?:(?:v_)?(?:high|hi|upper|top)|v?_?h)\b"
+_LOW = r"\b(?:(?:v_)?(?:low|lo|lower|bottom)|v?_?l)\b"
 _AND = r"(?:[\s,;/|&+-]|\b(?:then|all|and|und|the|ends?|values?|dann|alle|of|first|zuerst)\b)+"
 _PAIR = re.compile(rf"({_HIGH}{_AND}{_LOW})|({_LOW}{_AND}{_HIGH})", re.IGNORECASE)
 _OF_COLUMNS = re.compile(

@@ -96,10 +96,7 @@ def with_time(clues: Clues, mapping: ColumnMapping, found: Columns) -> ColumnMap
     if not found.time:
         return mapping
     clues.choice("restart", RESTARTS)
-    answer = clues.answers.get("time_unit", "")
-    if not seconds_of(answer) > 0.0:
-        clues.choice("time_unit", (*TIME_UNITS, *CLOCKS, "2.5ms"))  # a tick of any length
-    unit = answer or _unit_of_name(clues, found)
+    unit = _answered_unit(clues) or _unit_of_name(clues, found)
     mapping = replace(mapping, time_unit=unit or "s")
     times = raw_times(clues.table, mapping)
     too_late = "time_unit" not in clues.answers and unit in TIME_UNITS and times[0] * TIME_UNITS[unit] > 2.2e9
@@ -113,6 +110,19 @@ def with_time(clues: Clues, mapping: ColumnMapping, found: Columns) -> ColumnMap
         if unit in CLOCKS
         else replace(mapping, time_bits=_clock_bits(clues, found.time, times, steps))
     )
+
+
+def _answered_unit(clues: Clues) -> str:
+    answer = clues.answers.get("time_unit", "")
+    if not seconds_of(answer) > 0.0:
+        clues.choice("time_unit", (*TIME_UNITS, *CLOCKS, "2.5ms"))  # a tick of any length
+    return answer
+
+
+def _units_that_fit(step: float) -> list[str]:
+    """Return the units in which a log with such a step from scan to scan has a rate that it may have."""
+    units = ("s", "ms", "us", "days")
+    return [u for u in units if step and _RATES_HZ[0] <= 1.0 / (step * TIME_UNITS[u]) <= _RATES_HZ[1]]
 
 
 def _unit_of_name(clues: Clues, found: Columns) -> str:
@@ -182,13 +192,17 @@ def settled_time(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
             )
         elif rate is None and len(rough) > 1:
             even = _even_column(clues, mapping, len(rough))
-            if even in TIME_UNITS:
+            if even and (unit := _answered_unit(clues) or even * (even in TIME_UNITS)):
                 clues.because(f"{even}: rises evenly, and no other column is the time")
-                return replace(mapping, time=even, time_unit=even)
+                return replace(mapping, time=even, time_unit=unit)
             if even:
+                values = [v for v in clues.values(even) if v is not None]
+                step = float(np.median(np.diff(sorted({*values}))))
                 clues.ask(
-                    even, f"no name says the time, and {even!r} rises evenly: is it? Or give rate_hz", "time",
-                    of_form=True,
+                    "time_unit",
+                    f"no name says the time, and {even!r} rises evenly, by {step:g}: if it is, in which unit (0.4ms: "
+                    "by the ticks of a timer)? Or give rate_hz",
+                    *(_units_that_fit(step) or ("s", "ms", "us")), of_form=True,
                 )  # fmt: skip
             else:
                 text = f"the log has {len(rough)} scans and no time: how many scans per second?"
@@ -229,11 +243,7 @@ def settled_time(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
                 "s",
             )
         return replace(mapping, time_unit=mapping.time_unit or "s")
-    fits = [
-        u
-        for u in ("s", "ms", "us", "days")
-        if step and _RATES_HZ[0] <= 1.0 / (step * TIME_UNITS[u]) <= _RATES_HZ[1]
-    ]
+    fits = _units_that_fit(step)
     strange = unknown_unit(mapping.time)
     if rate and step:  # which tells the unit, or that the column is no time
         told = [u for u in ("s", "ms", "us") if _is_rate(step * TIME_UNITS[u], rate)]

@@ -165,7 +165,8 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
             clues.ask(
                 "vref_volt",
                 f"readings reach {values.max():g} {unit}, above vref_volt = {vref:g} of the spec: with which Vref was "
-                "the log made (then put it into the spec, too)? If they are no volts, say --answer unit=code (mV, ...)",
+                "the log made (then put it into the spec, too)? If they were amplified, scale=0.5 (by what to "
+                "multiply them); if they are no volts, --answer unit=code (mV, ...)",
                 *fits,
             )  # fmt: skip
             return replace(mapping, unit=unit, vref_volt=float(fits[0]))
@@ -266,6 +267,8 @@ def _bits(clues: Clues, values: FloatArray, bits: int, scale: float) -> int:
         why = f"and adc_bits = {bits}" if bits else "and the spec has no adc_bits"
         if_so = "if unit=code: " if "unit" in {q.key for q in clues.questions} else ""
         text = f"{if_so}codes reach {values.max():g}, {why}: how many bits has the converter?"
+        if not bits:
+            text += " (If its range is not Vref, say the volts of a code: unit=0.125mV)"
         clues.ask("adc_bits", text, *fits)
         return 0
     return bits
