@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.linalg import LinAlgError
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
@@ -52,7 +53,7 @@ class BendModel:
 
     @classmethod
     def fit(cls, work: WorkingCopy, values: FloatArray, contact: bool = False) -> BendModel | None:
-        """Fit readings over Vref (places, strips); None where there are too few bends.
+        """Fit readings over Vref (places, strips); None where there are too few bends, or too like ones.
 
         With `contact`, the shape depends on where in the contact a strip lies, too. Source: iteratively reweighted
         least squares; random Fourier features of the contact (A. Rahimi, B. Recht: Random Features for Large-Scale
@@ -72,7 +73,10 @@ class BendModel:
         for _ in range(_ROUNDS):
             # Before the fit: what is regressed on its residuals later needs the very weights that they come from.
             weight = 1.0 / (1.0 + (residual / (_ROBUST * sigma)) ** 2)
-            factor = cho_factor(terms.normal(weight), lower=True, overwrite_a=True, check_finite=False)
+            try:
+                factor = cho_factor(terms.normal(weight), lower=True, overwrite_a=True, check_finite=False)
+            except LinAlgError:  # bends alike to rounding, but for a reading that is far off
+                return None
             right_side = np.zeros((terms.many, 1))
             terms.add_common((weight * bend)[:, None], right_side)
             residual = bend - terms.of(cho_solve(factor, right_side, check_finite=False))[:, 0]
