@@ -37,5 +37,5 @@ def test_a_reading_far_beyond_vref_is_asked_about_and_leaves_the_rest_examined()
         name: np.round(np.stack([scan[name] for scan in scans]) * 4095.0) / 4095.0 for name in ("kh", "kl")
     }
     raw["kh"][5, 1] = 2e5
-    report = diagnose(Log.of(sensor, 0.01 * np.arange(12), raw))
+    report = diagnose(Log.of(sensor, np.linspace(0.0, 0.11, 12), raw))
     assert [(q.strips, q.causes) for q in report.questions] == [((1,), ("wrong-vref",))]
