@@ -403,7 +403,7 @@ FORMS: dict[str, tuple[ts.Sensor, str, dict[str, str]]] = {
     "a time of another language": (
         ONE,
         each(lambda i, s: f"{0.02 * i:.2f};{s};{v('k', i, s, 3.3)}", "Laikas;strip;volt\n"),
-        {"Laikas": "time"},
+        {"time_unit": "s"},
     ),
     "the noise of open inputs, in both channels at once": (
         TWO,

@@ -113,7 +113,9 @@ def _shown(lines: list[int]) -> str:
 
 
 def are_torn(table: Table) -> bool:
-    """Return whether the lines that are not like the others are few, and none names a scan, which rows do not."""
+    """Return whether the lines that are not like the others are few and among the rows, and none names a scan."""
+    if len(table.broken) > _MOST_DAMAGED * len(table.rows) or min(table.broken) < min(table.lines):
+        return False
     named = [item.name for n in table.broken for item in items(table.quotes.get(n, ""))]
     return len(table.broken) < _FEW and not any(meaning(name).role in ("time", "scan") for name in named)
 
