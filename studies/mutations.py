@@ -300,9 +300,12 @@ def _trial(folder: Path, words: list[str], random: np.random.Generator) -> tuple
         (folder / name).write_bytes(data)
         code, printed, said, wrong = run(folder, [w.lstrip("@%") for w in words])
         wrong = wrong or _wrong(folder, outputs, code, printed, said)
-        # `import` may ask, or leave a line out and name it; to `sweep` a design that cannot be is a row that says so.
-        aloud = {"sweep": "the column problem says why", "import": "left out: line"}.get(words[0])
-        row = aloud is not None and code == 0 and aloud in printed + said
+        # `import` may ask, or leave a line or a reading out and name it; to `sweep` a design that cannot be is a row.
+        aloud = {
+            "sweep": ("the column problem says why",),
+            "import": ("left out: line", "is empty where the strip's other channel has a reading"),
+        }.get(words[0], ())
+        row = code == 0 and any(text in printed + said for text in aloud)
         met = code == 2 or row or (words[0], code) == ("import", 1)
         if not wrong and refused and not met:
             wrong = f"a number that is none was taken: exit code {code}"
