@@ -75,20 +75,26 @@ def limits(sensor: ts.Sensor, outline: Outline) -> float:
     return worst
 
 
-def _off_differences(sensor: ts.Sensor, outline: Outline, slope: FloatArray, at: int, step: float) -> float:
-    """Return how far slopes (readings,) by one coordinate are off differences of resolved strips [Vref/mm].
-
-    0 where a strip is touched on one side only.
-    """
+def differences(sensor: ts.Sensor, outline: Outline, at: int, step: float) -> FloatArray | None:
+    """Return slopes of resolved readings by one coordinate [1/mm]; None where a strip is touched on one side only."""
     read = []
     for sign in (1.0, -1.0):
         moved = outline.vertices.ravel().copy()
         moved[at] += sign * step
         k = wide_readings(sensor, ts.Contact.polygon(moved.reshape(-1, 2)))
         read.append(np.concatenate([k[name][~np.isnan(k[name])] for name in sensor.signatures]))
-    if len({len(k) for k in (*read, slope)}) > 1:
+    return (read[0] - read[1]) / (2.0 * step) if len(read[0]) == len(read[1]) else None
+
+
+def _off_differences(sensor: ts.Sensor, outline: Outline, slope: FloatArray, at: int, step: float) -> float:
+    """Return how far slopes (readings,) by one coordinate are off differences of resolved strips [Vref/mm].
+
+    0 where a strip is touched on one side only.
+    """
+    found = differences(sensor, outline, at, step)
+    if found is None or len(found) != len(slope):
         return 0.0
-    return float(np.abs(slope - (read[0] - read[1]) / (2.0 * step)).max())
+    return float(np.abs(slope - found).max())
 
 
 def calibrate(sensor: ts.Sensor) -> float:

@@ -13,11 +13,11 @@ import tacstrip as ts
 from polygons import convex_polygon, from_left
 from strategies import FIXED, ratios, spans
 from studies.crp_spans import own_electrodes
+from studies.wide_uses import differences
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import ContactError, ReadingError, SignatureError
 from tacstrip.fisher import covariance
 from tacstrip.geometry.outline import Outline
-from tacstrip.network.strips.resolved import wide_readings
 from tacstrip.reconstruction.cramer_rao import (
     reading_sigma,
     vertex_covariance,
@@ -305,12 +305,6 @@ def test_limits_of_wide_strips_are_those_of_resolved_ones(
     deviation = np.sqrt(np.diag(vertex_covariance(outline, sensor, 0.003)))
     step = 0.02
     for at in range(slope.shape[1]):
-        read = []
-        for sign in (1.0, -1.0):
-            moved = outline.vertices.ravel().copy()
-            moved[at] += sign * step
-            k = wide_readings(sensor, ts.Contact.polygon(moved.reshape(-1, 2)))
-            read.append(np.concatenate([k[name][~np.isnan(k[name])] for name in sensor.signatures]))
-        np.testing.assert_allclose(
-            slope[:, at] * deviation[at], (read[0] - read[1]) / (2 * step) * deviation[at], atol=1e-4
-        )
+        found = differences(sensor, outline, at, step)
+        assert found is not None
+        np.testing.assert_allclose(slope[:, at] * deviation[at], found * deviation[at], atol=1e-4)

@@ -168,9 +168,11 @@ def learn_noise(log: Log, vertices: int | None = None) -> LearnedNoise:
     unidentifiable += long_wander
     if touched:
         _refuse_creep(log, values, channels, period_s)
-        noise, more, untold = _of_the_contact(log, noise, values, channels, period_s, white + step, vertices)
+        noise, more, not_told = _of_the_contact(
+            log, noise, values, channels, period_s, white + step, vertices
+        )
         sure |= more
-        unidentifiable += untold
+        unidentifiable += not_told
     else:
         unidentifiable.insert(
             0,
@@ -208,21 +210,21 @@ def _of_the_contact(
     vertices: int | None,
 ) -> tuple[Noise, dict[str, float], list[str]]:
     """Return the noise with what the contact's outline tells, how sure that is, and what it does not tell."""
-    untold = []
+    not_told = []
     like = _like_neighbours(values, channels, white)
     if like:
-        untold.append(
+        not_told.append(
             f"what of the slow change neighbouring strips share: theirs correlate by {like:.2f} more than those of "
             "strips far apart, as of a wander that neighbours share or a contact that creeps, which [noise] cannot "
             "describe; errors of where the contact ends are not told from it"
         )
     noise, sure, why_not = _static(log, noise, period_s, vertices, edges=not like)
-    untold.append(
+    not_told.append(
         "a common offset of all channels, a gain's error, and how far all ends lie too far out: press known shapes"
     )
     if why_not:
-        untold.append(f"errors that do not change, such as of where the contact ends: {why_not}")
-    return noise, sure, untold
+        not_told.append(f"errors that do not change, such as of where the contact ends: {why_not}")
+    return noise, sure, not_told
 
 
 _ROUNDED = (

@@ -315,7 +315,7 @@ def _drop_repeated(clues: Clues, found: Columns) -> None:
     shown = "; ".join(f"line {table.lines[n]} is line {table.lines[n - 1]} again" for n in again[:_SHOWN])
     more = f", and {len(again) - _SHOWN} more" if len(again) > _SHOWN else ""
     clues.doubt(f"{shown}{more}: left out")
-    clues.table = replace(table, rows=[table.rows[n] for n in kept], lines=[table.lines[n] for n in kept])
+    clues.table = table.of_rows(kept)
 
 
 def _as_wired(clues: Clues, found: Columns) -> Columns:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from tacstrip.io.log_import.columns import Columns
 from tacstrip.io.log_import.fields import number_of, says_nothing
 from tacstrip.io.log_import.questions import Clues
@@ -60,7 +58,7 @@ def drop_others(clues: Clues, found: Columns) -> None:
             f"{len(out)} line(s) without a field of a strip are no scans, for {why}; left out: line(s) {lines}"
         )
     kept = [n for n in range(len(table.rows)) if n not in {*out}]
-    clues.table = replace(table, rows=[table.rows[n] for n in kept], lines=[table.lines[n] for n in kept])
+    clues.table = table.of_rows(kept)
 
 
 def _doubt_events(clues: Clues, void: list[bool], known: set[str]) -> None:

@@ -205,7 +205,7 @@ def _oldest_first(table: Table, mapping: ColumnMapping) -> Table:
         len({*times.tolist()}) < len(times) and mapping.strip
     ):  # where strips fall within a scan, these are backwards, too
         order = np.arange(len(times))[::-1] if _strips_fall(table, mapping, times) else order
-    return replace(table, rows=[table.rows[n] for n in order], lines=[table.lines[n] for n in order])
+    return table.of_rows(order)
 
 
 def _by_number(table: Table, mapping: ColumnMapping) -> Table:
@@ -217,7 +217,7 @@ def _by_number(table: Table, mapping: ColumnMapping) -> Table:
     order = np.argsort(np.array(numbers, dtype=float), kind="stable")
     if (np.diff(raw_times(table, mapping)[order]) < 0.0).any():  # as where a counter begins anew
         return table
-    return replace(table, rows=[table.rows[n] for n in order], lines=[table.lines[n] for n in order])
+    return table.of_rows(order)
 
 
 def _strips_fall(table: Table, mapping: ColumnMapping, times: FloatArray) -> bool:

@@ -173,7 +173,7 @@ def _of_strips_only(table: Table) -> Table:
         kept = [n for n in range(len(fields)) if fields[n] not in others]
         said = f"line(s) {', '.join(str(table.lines[n]) for n in out[:_SHOWN])}{', ...' if len(out) > _SHOWN else ''}"
         return replace(
-            table, rows=[table.rows[n] for n in kept], lines=[table.lines[n] for n in kept],
+            table.of_rows(kept),
             doubts=(*table.doubts, f"{said}: {name} is {', '.join(sorted(others))}, no strip's number; passed over"),
         )  # fmt: skip
     return table
@@ -233,7 +233,7 @@ def _without_other_quantities(table: Table, units: str) -> Table:
             continue
         said = f"{', '.join(sorted(own))} in {', '.join(sorted({fields[n] for n in out}))}"
         return replace(
-            table, rows=[table.rows[n] for n in kept], lines=[table.lines[n] for n in kept],
+            table.of_rows(kept),
             remarks=(*table.remarks, f"{name}: {said} is another quantity than the readings; passed over"),
         )  # fmt: skip
     return table
@@ -260,9 +260,7 @@ def _of_nothing(table: Table) -> Table:
     rows = [n for n in range(len(table.rows)) if n not in void or at[n] not in touched]
     whole = all(f for n, fields in enumerate(zip(*columns, strict=True)) if n not in void for f in fields)
     table = replace(
-        table,
-        rows=[table.rows[n] for n in rows],
-        lines=[table.lines[n] for n in rows],
+        table.of_rows(rows),
         absent=0 if whole else table.absent,
     )
     columns = [table.column(n) for n in strips]

@@ -282,9 +282,7 @@ def _without_lacking(table: Table, broken: list[int]) -> Table:
         return table
     lines = ", ".join(str(table.lines[n]) for n in sorted(out))
     return replace(
-        table,
-        rows=[row for n, row in enumerate(table.rows) if n not in out],
-        lines=[line for n, line in enumerate(table.lines) if n not in out],
+        table.of_rows(n for n in range(len(table.rows)) if n not in out),
         doubts=(
             *table.doubts,
             f"{len(out)} scan(s) left out, from line(s) {lines}: a line left out is of these",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bisect
 import itertools
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence, Set
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -126,6 +126,11 @@ class Table:
         """Where each column stands in a row."""
         return {name: place for place, name in enumerate(self.names)}
 
+    def of_rows(self, kept: Iterable[int]) -> Table:
+        """Return it with only these of its rows, counted from 0, in this order."""
+        chosen = [*kept]
+        return replace(self, rows=[self.rows[n] for n in chosen], lines=[self.lines[n] for n in chosen])
+
     def with_columns(self, columns: Mapping[str, Sequence[str]], *remarks: str) -> Table:
         """Return it with other columns, and more remarks."""
         rows = [list(row) for row in zip(*columns.values(), strict=True)]
@@ -169,7 +174,7 @@ class Table:
             kept = [n for n, f in enumerate(fields) if f"{name}={f}" == condition]
             if not kept:
                 raise ReadingError(f"no line has {condition}")
-            table = replace(table, rows=[table.rows[n] for n in kept], lines=[table.lines[n] for n in kept])
+            table = table.of_rows(kept)
         return table
 
 
