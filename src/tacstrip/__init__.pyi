@@ -20,6 +20,7 @@ from .errors import NetworkError as NetworkError
 from .errors import OptionError as OptionError
 from .errors import PortError as PortError
 from .errors import ReadingError as ReadingError
+from .errors import ReadingWarning as ReadingWarning
 from .errors import RecordingError as RecordingError
 from .errors import SignatureError as SignatureError
 from .errors import SpecError as SpecError
@@ -27,9 +28,9 @@ from .errors import TacstripError as TacstripError
 from .geometry.metrics import Mismatch as Mismatch
 from .geometry.metrics import mismatch as mismatch
 from .geometry.outline import Outline as Outline
+from .io.checked_readings import read_readings as read_readings
 from .io.geojson import read_contact as read_contact
 from .io.geojson import write_geojson as write_geojson
-from .io.readings import read_readings as read_readings
 from .io.readings import write_readings as write_readings
 from .io.runs import Runs as Runs
 from .io.runs import read_runs as read_runs

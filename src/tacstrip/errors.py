@@ -60,6 +60,17 @@ class ReadingError(TacstripError, ValueError):
     """
 
 
+class ReadingWarning(UserWarning):
+    """Readings that were read, and are probably not what was meant: another unit, exchanged channels, a cut file.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> import tacstrip as ts
+    >>> warnings.simplefilter("error", ts.ReadingWarning)  # to stop at the first
+    """
+
+
 class SignatureError(TacstripError, ValueError):
     """A signature that the construction or the scan does not have.
 

@@ -16,6 +16,7 @@ from tacstrip.io.input_checks import (
     unlikely_contact,
     unlikely_lengths,
 )
+from tacstrip.io.readings import read_unchecked
 from tacstrip.sensor.exchanged import exchanged, read_twice
 
 SENSOR_KEYS = {"format": 1, "construction": "crs-crs", "strips": 24, "pitch_mm": 4.0, "length_mm": 120.0}
@@ -153,6 +154,18 @@ def test_positions_that_contradict_the_strips_are_refused(tmp_path: Path) -> Non
     assert read_log(file, ts.Sensor.from_dict(SENSOR_KEYS | {"pitch_mm": 40.0})).time_s.tolist() == [0.0, 0.0]
 
 
+def test_python_is_warned_of_what_the_command_line_says(tmp_path: Path) -> None:
+    """Readings over Vref, and one channel of a strip empty; each warning at the caller's line."""
+    file = tmp_path / "readings.csv"
+    file.write_text("scan,time_s,strip,v_h,v_l\n0,0,0,0.5,0.2\n0,0,1,0.5,\n")
+    sensor = ts.Sensor(construction="crs-crs", strips=2, pitch_mm=4.0, length_mm=120.0, vref_volt=5.0)
+    with pytest.warns(ts.ReadingWarning) as told:
+        ts.read_readings(file, sensor)
+    assert ["empty where the strip's other" in str(w.message) for w in told] == [True, False]
+    assert "are they over Vref?" in str(told[1].message)
+    assert {w.filename for w in told} == {__file__}
+
+
 def test_a_reading_beyond_vref_by_rounding_is_vref(tmp_path: Path) -> None:
     """Half a step of the converter is rounding, more is not."""
     file = tmp_path / "r.csv"
@@ -160,7 +173,7 @@ def test_a_reading_beyond_vref_by_rounding_is_vref(tmp_path: Path) -> None:
     def read(volts: float, bits: int | None) -> list[ts.Scan]:
         rows = [f"0,0,{i},{volts:.9g},2\n" for i in range(24)]
         file.write_text("scan,time_s,strip,v_h,v_l\n" + "".join(rows))
-        return ts.read_readings(file, ts.Sensor.from_dict(SENSOR_KEYS | ({"adc_bits": bits} if bits else {})))
+        return read_unchecked(file, ts.Sensor.from_dict(SENSOR_KEYS | ({"adc_bits": bits} if bits else {})))
 
     for bits, step in ((10, 5.0 / 1023.0), (12, 5.0 / 4095.0), (None, 5.0 / 65535.0)):
         assert set(read(5.0 + 0.49 * step, bits)[0]["kh"]) == {1.0}

@@ -21,7 +21,7 @@ from tacstrip.cli import load_sensor, note, options, protect, warn
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError
 from tacstrip.io.input_checks import backwards, half_read, unfinished
-from tacstrip.io.readings import read_readings
+from tacstrip.io.readings import read_unchecked
 from tacstrip.io.runs import read_runs, write_plan
 from tacstrip.sensor.rest_level import rest_hint
 from tacstrip.sensor.spec import Sensor
@@ -277,7 +277,7 @@ def _rezeroed(spec: Sensor, readings: Path, reference: tuple[float, float] | Non
 
 def _raw(path: Path, spec: Sensor) -> dict[str, FloatArray]:
     """Return the raw readings of a readings file by signature (scans, strips)."""
-    scans = read_readings(path, replace(spec, calibration=None, rest_volt=None, touch_volt=None))
+    scans = read_unchecked(path, replace(spec, calibration=None, rest_volt=None, touch_volt=None))
     warn(half_read(path, spec, scans[0].signatures))
     if path.is_file():  # a pipe is read once
         warn(backwards(path, spec), unfinished(path))

@@ -24,7 +24,7 @@ from tacstrip.io.log_import.mapping import ColumnMapping
 from tacstrip.io.log_import.scans import is_newest_first, scans
 from tacstrip.io.log_import.table import Table
 from tacstrip.io.log_import.write import at_rest, in_volts, rows, touched, write_log
-from tacstrip.io.readings import read_readings
+from tacstrip.io.readings import read_unchecked
 from tacstrip.sensor.left_out import left_out as left_out_of
 from tacstrip.sensor.rest_level import all_read_hint, rest_hint
 from tacstrip.sensor.spec import Sensor
@@ -114,7 +114,7 @@ def _write(
         write_log(readings, found.scans, found.mapping, vref, base)
         if sensor is not None and spec is not None:
             try:
-                made = read_readings(readings, sensor)
+                made = read_unchecked(readings, sensor)
                 one_end = one_reading(output, sensor, made)
                 if one_end:
                     out = sum(int(lost.sum()) for lost in left_out_of(sensor).values())

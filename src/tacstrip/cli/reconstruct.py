@@ -19,8 +19,8 @@ from tacstrip.contact.noise import Noise
 from tacstrip.contact.shape import Contact
 from tacstrip.errors import OptionError, ReadingError, number, one_of
 from tacstrip.io.geojson import feature_collection, read_contact, write_geojson
-from tacstrip.io.input_checks import half_read, implausible, misread, one_reading, unlikely_contact
-from tacstrip.io.readings import read_readings
+from tacstrip.io.input_checks import readings_suspicions, unlikely_contact
+from tacstrip.io.readings import read_unchecked
 from tacstrip.io.table import nearest_mismatch, object_records, write_table
 from tacstrip.reconstruction.implausible import doubt_scale
 from tacstrip.reconstruction.known_object.fit import fit_object
@@ -29,7 +29,6 @@ from tacstrip.reconstruction.result import Reconstruction
 from tacstrip.scan import Scan
 from tacstrip.sensor.layers import AnySensor, LayeredSensor, unit_of
 from tacstrip.sensor.left_out import left_out_wholly
-from tacstrip.sensor.raw import invert_calibration
 from tacstrip.sensor.spec import Sensor
 
 _MOST_LINES, _MOST_WEIGHTS = 20, 6
@@ -121,13 +120,7 @@ def command(
     given["transitions"] = _transitions(given["transitions"])
     given["area_mm2"] = None if given["area_mm2"] is None else _area(given["area_mm2"])
     known = noise if options.given("quantisation", "positional") else None
-    raw = invert_calibration(unit, {n: np.stack([s[n] for s in scans]) for n in scans[0].signatures})
-    warn(
-        half_read(readings, unit, scans[0].signatures) if given["signature"] is None else "",
-        "" if layered else one_reading(readings, unit, scans),
-        *([] if layered else misread(readings, unit, raw)),
-        *implausible(readings, unit, raw),
-    )
+    warn(*readings_suspicions(readings, spec, scans, one_signature=given["signature"] is not None))
     own = {name: given[name] for name, methods in _OF_METHODS.items() if chosen in methods}
     if layered:
         own = {"assessment": given["assessment"], "signature": None}
@@ -169,7 +162,7 @@ def command(
 
 def _touched(readings: Path, spec: AnySensor) -> list[Scan]:
     """Return a file's scans, in some of which anything touches."""
-    scans = read_readings(readings, spec)
+    scans = read_unchecked(readings, spec)
     if not any(s.touched.any() for s in scans):
         raise ReadingError(
             f"{readings}: no strip is touched in any of {len(scans)} scan(s): every reading is empty, or within "

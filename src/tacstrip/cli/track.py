@@ -16,10 +16,9 @@ from tacstrip.cli.replay import warn_of_cut
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError, ReadingError, figures
 from tacstrip.files import replacing
-from tacstrip.io.input_checks import half_read, implausible, misread
-from tacstrip.io.readings import read_readings
+from tacstrip.io.input_checks import readings_suspicions
+from tacstrip.io.readings import read_unchecked
 from tacstrip.io.table import write_table
-from tacstrip.sensor.raw import invert_calibration
 from tacstrip.stream.codes import decode
 from tacstrip.stream.recording.recorder import Recorder
 from tacstrip.stream.replay import ReadingsSource, Recording, open_source
@@ -68,13 +67,11 @@ def command(
     spec = source.sensor if source else load_sensor(files[0])
     spec = replace(spec, without=(*spec.without, *without))
     decoded = [decode(raw, spec) for raw in raws] if isinstance(source, Recording) else None
-    scans = read_readings(files[-1], spec) if decoded is None else decoded
+    scans = read_unchecked(files[-1], spec) if decoded is None else decoded
     if not any(scan.touched.any() for scan in scans):
         raise ReadingError(f"{files[-1]}: no strip is touched in any of {len(scans)} scan(s)")
     if source is None:
-        raw = invert_calibration(spec, {n: np.stack([s[n] for s in scans]) for n in scans[0].signatures})
-        name = files[-1]
-        warn(half_read(name, spec, tuple(raw)), *misread(name, spec, raw), *implausible(name, spec, raw))
+        warn(*readings_suspicions(files[-1], spec, scans))
     else:
         warn_of_input(files[-1], source)
         warn_of_cut(source)

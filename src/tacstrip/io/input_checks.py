@@ -15,14 +15,14 @@ from tacstrip.arrays import FloatArray
 from tacstrip.contact.shape import Contact
 from tacstrip.io.columns import value, value_columns
 from tacstrip.io.csv_rows import Row, read_csv
-from tacstrip.io.readings import scan_lines
+from tacstrip.io.readings import Frame, scan_lines
 from tacstrip.reconstruction.implausible import scale_hint
 from tacstrip.scan import Scan
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.exchanged import exchanged, read_twice
-from tacstrip.sensor.layers import AnySensor, LayeredSensor
+from tacstrip.sensor.layers import AnySensor, LayeredSensor, unit_of
 from tacstrip.sensor.left_out import channel_name, left_out
-from tacstrip.sensor.raw import apply_calibration
+from tacstrip.sensor.raw import apply_calibration, invert_calibration
 from tacstrip.sensor.rest_level import rest_hint
 from tacstrip.sensor.spec import Sensor
 
@@ -134,6 +134,38 @@ def one_reading(path: str | Path, sensor: Sensor, scans: Sequence[Scan]) -> str:
         return ""
     names = ", ".join(found[:_NAMED]) + (", ..." if len(found) > _NAMED else "")
     return f"{path}: {names} is empty where the strip's other channel has a reading; the strip counts with that one"
+
+
+def readings_suspicions(
+    path: str | Path | Frame,
+    sensor: AnySensor,
+    scans: Sequence[Scan],
+    *,
+    one_signature: bool = False,
+    scale: bool = False,
+) -> list[str]:
+    """Return warnings, each or empty, where readings are probably not what was meant.
+
+    Parameters
+    ----------
+    path
+        The readings file or the table that they were read from.
+    sensor, scans
+        As the caller was given them: of two layers, or one.
+    one_signature
+        Only one signature is wanted: that the other is missing is no fault.
+    scale
+        Look for readings of another scale, too; where outlines are found, they tell that better (`doubt_scale`).
+    """
+    file = path if isinstance(path, str | Path) else "the table"
+    unit, names = unit_of(sensor), scans[0].signatures
+    raw = invert_calibration(unit, {name: np.stack([scan[name] for scan in scans]) for name in names})
+    found = [] if one_signature else [half_read(file, unit, names)]
+    if not isinstance(sensor, LayeredSensor):
+        told = misread(file, sensor, raw)
+        hint = other_scale(sensor, raw) if scale and not any(told) else ""
+        found += [one_reading(file, sensor, scans), *told, f"{file}: {hint}" if hint else ""]
+    return [*found, *implausible(file, unit, raw)]
 
 
 def misread(path: str | Path, sensor: Sensor, raw: Mapping[str, FloatArray]) -> list[str]:

@@ -57,40 +57,8 @@ class Frame(Protocol):
 _SAME = 0.01  # of the pitch: positions are rounded
 
 
-@takes(sensor=Sensor | LayeredSensor)
-def read_readings(path: str | Path | Frame, sensor: AnySensor) -> list[Scan]:
-    r"""Read a readings file (CSV), or a table of the same columns; the sensor's calibration, if any, corrects them.
-
-    Parameters
-    ----------
-    path
-        The file: a line per strip and scan, in volts or A/D codes (docs/reference/files.md); or a pandas DataFrame
-        with its columns, or of another form, as `tacstrip import` reads (docs/guide/import.md), NaN where nothing
-        touches.
-    sensor
-        The sensor that it is of. Of two layers each line names its layer, 0 or 1, in the column `layer`.
-
-    Returns
-    -------
-    list of Scan
-        In the file's order.
-
-    Raises
-    ------
-    ReadingError
-        The file cannot be read, lacks a column or a strip, or has a value that cannot be; the message
-        names the line and the remedy.
-
-    Examples
-    --------
-    >>> import tempfile, pathlib
-    >>> import tacstrip as ts
-    >>> sensor = ts.Sensor(construction="crs-m", strips=2, pitch_mm=6.5, length_mm=325.0, vref_volt=5.0)
-    >>> file = pathlib.Path(tempfile.mkdtemp()) / "readings.csv"
-    >>> _ = file.write_text("scan,time_s,strip,v_out\n0,0,0,2.5\n0,0,1,\n")
-    >>> ts.read_readings(file, sensor)[0].k
-    array([0.5, nan])
-    """
+def read_unchecked(path: str | Path | Frame, sensor: AnySensor) -> list[Scan]:
+    """Read a readings file or a table as `tacstrip.read_readings` does, and warn of nothing."""
     if not isinstance(path, str | Path):
         header = [str(name) for name in path.columns]
         if isinstance(sensor, Sensor) and not set(INDEX) <= set(header):

@@ -15,7 +15,7 @@ from mcap.records import Attachment, Channel, McapRecord, Message, Metadata, Sch
 
 from tacstrip.arguments import takes
 from tacstrip.errors import RecordingError, SpecError
-from tacstrip.io.readings import read_readings
+from tacstrip.io.readings import read_unchecked
 from tacstrip.sensor.layers import AnySensor, LayeredSensor, unit_of
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.codes import ELECTRODES, encode, quantisation_error, with_converter
@@ -224,7 +224,7 @@ class ReadingsSource:
     Raises
     ------
     ReadingError
-        As of `read_readings`.
+        As of `read_unchecked`.
 
     Examples
     --------
@@ -248,7 +248,7 @@ class ReadingsSource:
         # The codes are stored as measured: calibration and touch thresholds are applied when they are decoded.
         bare: dict[str, Any] = {"calibration": None, "rest_volt": None, "touch_volt": None}
         plain = whole.changed(**bare) if isinstance(whole, LayeredSensor) else replace(whole, **bare)
-        scans = read_readings(path, plain)
+        scans = read_unchecked(path, plain)
         self._scans = [encode(scan, plain, number) for number, scan in enumerate(scans)]
         self.names = tuple(self._scans[0].codes)
         self.origin_ns = 0 if scans[0].time_s > _EPOCH_S else time.time_ns()

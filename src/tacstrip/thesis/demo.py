@@ -15,7 +15,7 @@ from tacstrip.data import data_path
 from tacstrip.geometry.metrics import Mismatch, mismatch
 from tacstrip.geometry.region import regions
 from tacstrip.io.geojson import read_contact
-from tacstrip.io.readings import read_readings
+from tacstrip.io.readings import read_unchecked
 from tacstrip.plot.scene import (
     draw_contact,
     draw_polygon,
@@ -66,7 +66,7 @@ def run() -> Demo:
     contact = read_contact(data_path("demo_contact.wkt"))
     volts = data_path("demo_readings.csv")
     units = {"before": sensor, "after": twin("CRS-CRS")}
-    scans = {name: read_readings(volts, unit)[0] for name, unit in units.items()}
+    scans = {name: read_unchecked(volts, unit)[0] for name, unit in units.items()}
     trials = [t for name, scan in scans.items() for t in _attempts(name, scan, sensor, contact)]
     return Demo(sensor, contact, scans, trials)
 
