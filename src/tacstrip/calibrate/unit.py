@@ -14,6 +14,7 @@ from tacstrip.calibrate.changes import changed
 from tacstrip.calibrate.fit import ModelFit, offsets_at_median, usable_rows
 from tacstrip.calibrate.goodness import Goodness, assess, assess_fit, repeat_noise, spoilt
 from tacstrip.calibrate.interpretation import (
+    Assignment,
     exchanged_places,
     exchanged_strips,
     likelier_assignment,
@@ -308,40 +309,14 @@ def calibrate_unit(
     ('ok', array([ 0.02, -0.01]))
     """
     require_closed_form(sensor)
-    for name, raw in runs.raw.items():
-        if len(blank := np.argwhere(np.isfinite(runs.l_mm) & ~np.isfinite(raw))):
-            contact, strip = blank[0]
-            raise ReadingError(
-                f"contact {contact}: {name} of strip {strip + sensor.strip_base} is no number, though l_mm says it is "
-                "touched: leave that place out (NaN in l_mm and w_mm, too)"
-            )
     out = np.any([np.zeros(sensor.strips, bool), *left_out(sensor).values()], axis=0)
-    dead = np.flatnonzero(~usable_rows(runs).any(axis=0) & ~out)
-    if len(dead):
-        raise ReadingError(
-            f"strip {dead[0] + sensor.strip_base} reads 0 or Vref in every contact: is it connected, and pressed?"
-        )
-    if out.all():
-        raise ReadingError(
-            "every strip has a channel that the spec leaves out (without): nothing can be fitted"
-        )
+    _refuse_unusable(sensor, runs, out)
     given, whole = runs, _fitted(runs, sensor, np.zeros_like(out))
     halves = replace(whole, raw=leave_out(sensor, whole.raw))
     runs, wide, sensor = _fitted(runs, sensor, out), sensor.converter, replace(sensor, converter=None)
     plain = replace(sensor, calibration=None)
     search = Search(plain, runs)
-    other = None
-    if not force:
-        first = search.first()
-        as_read = assess_fit(plain, first, runs)
-        other = other_assignment(plain, runs, as_read.noise)
-        if why := (
-            misread(plain, runs, as_read)
-            or reversed_order(sensor, runs)
-            or exchanged_strips(plain, runs, first)
-            or (other and exchanged_places(plain, as_read, other))
-        ):
-            raise ReadingError(_put_right(why))
+    other = None if force else _refuse_misread(sensor, plain, runs, search)
     with_means = replace(plain, calibration=mean_offsets(plain, halves))
     fit: ModelFit | None = None
     trials: tuple[Trial, ...] = ()
@@ -394,6 +369,44 @@ def calibrate_unit(
         changed=_changed(sensor, runs),
         longer_mm=0.0 if fit is None or fit.places is None else fit.places.longer_mm(fit.errors),
     )
+
+
+def _refuse_unusable(sensor: Sensor, runs: Runs, out: BoolArray) -> None:
+    """Refuse runs with a reading that is no number, or without any of use; `out`: strips with a channel left out."""
+    for name, raw in runs.raw.items():
+        if len(blank := np.argwhere(np.isfinite(runs.l_mm) & ~np.isfinite(raw))):
+            contact, strip = blank[0]
+            raise ReadingError(
+                f"contact {contact}: {name} of strip {strip + sensor.strip_base} is no number, though l_mm says it is "
+                "touched: leave that place out (NaN in l_mm and w_mm, too)"
+            )
+    dead = np.flatnonzero(~usable_rows(runs).any(axis=0) & ~out)
+    if len(dead):
+        raise ReadingError(
+            f"strip {dead[0] + sensor.strip_base} reads 0 or Vref in every contact: is it connected, and pressed?"
+        )
+    if out.all():
+        raise ReadingError(
+            "every strip has a channel that the spec leaves out (without): nothing can be fitted"
+        )
+
+
+def _refuse_misread(sensor: Sensor, plain: Sensor, runs: Runs, search: Search) -> Assignment | None:
+    """Refuse runs that another reading explains far better; return the best other order of strips, if there is one.
+
+    `plain` is the sensor without its calibration.
+    """
+    first = search.first()
+    as_read = assess_fit(plain, first, runs)
+    other = other_assignment(plain, runs, as_read.noise)
+    if why := (
+        misread(plain, runs, as_read)
+        or reversed_order(sensor, runs)
+        or exchanged_strips(plain, runs, first)
+        or (other and exchanged_places(plain, as_read, other))
+    ):
+        raise ReadingError(_put_right(why))
+    return other
 
 
 def _put_right(why: str) -> str:
