@@ -16,6 +16,9 @@ from tacstrip.sensor.converter import Converter
 from tacstrip.stream import ReadingsSource, decode, encode
 from tacstrip.stream.export import write_csv
 
+# Few strips and any numbers: what they warn of is tested beside the checks.
+pytestmark = pytest.mark.filterwarnings("ignore::tacstrip.ReadingWarning")
+
 NAN = float("nan")
 CRS = ts.Sensor(construction="crs-crs", strips=3, pitch_mm=1.0, length_mm=10.0, vref_volt=6.05, adc_bits=12)
 METAL = ts.Sensor(construction="crs-m", strips=3, pitch_mm=1.0, length_mm=10.0, strip_base=1)

@@ -216,7 +216,10 @@ def test_every_verb_that_takes_readings_tells(
 
 def test_the_doctor_says_the_same(files: Path) -> None:
     sensor = ts.Sensor.load(files / "s.toml")
-    report = diagnose(Log.of_scans(sensor, ts.read_readings(files / "r.csv", sensor)))
+    with pytest.warns(ts.ReadingWarning) as told:
+        scans = ts.read_readings(files / "r.csv", sensor)
+    assert FIX.search(str(told[0].message))
+    report = diagnose(Log.of_scans(sensor, scans))
     (note,) = (n for n in report.notes if n.fault == "rest-level")
     assert FIX.search(note.evidence)
     scan = ts.simulate(sensor, ts.Contact.polygon([(9.0, 30.0), (31.0, 22.0), (36.0, 60.0)]))
