@@ -101,6 +101,8 @@ class Assessment:
         An outline that overlaps what the true one may be better than the estimate does; then `confidence` is its.
     better_explains
         Whether that one leaves no more of the readings than noise does, or, where nobody knows the noise, than the fit.
+    mixed
+        The outlines drawn, where they are enough to tell how a polygon's vertices scatter.
     """
 
     confidence: float | None = None
@@ -108,6 +110,7 @@ class Assessment:
     better: OutlineModel | None = None
     explained: bool = False
     better_explains: bool = False
+    mixed: Draws | None = None
 
 
 def check_effort(assessment: str) -> None:
@@ -180,7 +183,10 @@ def assess(
     unlike = 1.0 if isinstance(chosen.better, FamilyOutline) else float(drawn.weight[~chosen.own].sum())
     rest = min(1.0, (1.0 - chosen.confidence) / unlike) if unlike > 0.0 else 0.0
     others = _alternatives(drawn, every >= PROMISED_IOU, chosen.own, rest)
-    return Assessment(chosen.confidence, others, chosen.better, explained or better_explains, better_explains)
+    mixed = drawn if one and effort == "thorough" else None  # fewer, and longer chains of two signatures, do not
+    return Assessment(
+        chosen.confidence, others, chosen.better, explained or better_explains, better_explains, mixed
+    )
 
 
 @dataclass(frozen=True, eq=False)
