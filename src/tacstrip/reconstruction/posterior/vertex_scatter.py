@@ -43,5 +43,5 @@ def vertex_scatter(outline: Outline, covariance: FloatArray, drawn: Draws) -> Fl
     for chain, index in enumerate(indices):
         places[:, index, 0] = x[alike, chain, : len(index)] * problem.width_mm + problem.origin_mm
         places[:, index, 1] = y[alike, chain, : len(index)] * problem.length_mm
-    off = (places - outline.vertices).reshape(len(places), -1)
+    off = (places - outline.vertices).reshape(len(places), outline.vertices.size)
     return np.asarray((_SLOPES * covariance + off.T @ off) / (_SLOPES + len(off)))
