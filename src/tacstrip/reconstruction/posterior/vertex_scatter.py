@@ -12,7 +12,9 @@ from tacstrip.arrays import FloatArray
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.posterior.draws import Draws
 
-_SLOPES = 60.0  # so many draws are slopes worth: what some hundred that follow on each other tell is not exact
+_SLOPES = (
+    60.0  # so many draws are slopes worth: what some hundred that follow on each other tell is not exact
+)
 
 
 def vertex_scatter(outline: Outline, covariance: FloatArray, drawn: Draws) -> FloatArray:
