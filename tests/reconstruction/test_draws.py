@@ -33,12 +33,8 @@ def test_vertices_scatter_as_draws_of_the_same_corners_do() -> None:
     outline = Outline.of([(10.0, 40.0), (40.0, 10.0), (90.0, 40.0), (50.0, 70.0)])
     random, moved = np.random.default_rng(0), list[Outline]()
     for i in range(180):  # the lower corner lies here or there, along the edge
-        shift = random.normal(0.0, 0.1, (4, 2)) + (
-            (0.0, 0.0),
-            (6.0 * (i % 2), 3.6 * (i % 2)),
-            (0.0, 0.0),
-            (0.0, 0.0),
-        )
+        shift = random.normal(0.0, 0.1, (4, 2))
+        shift[1] += np.array([6.0, 3.6]) * (i % 2)
         moved.append(Outline.of(outline.vertices + shift))
     others = [
         Outline.of([(10.0, 40.0), (40.0, 10.0), (70.0, 20.0), (90.0, 40.0), (50.0, 70.0)]),  # a corner more
