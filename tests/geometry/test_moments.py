@@ -62,6 +62,15 @@ def test_orientation_of_a_near_square_may_be_that_of_the_other_axis() -> None:
     assert 1.96 * m.deviations(longer, covariance, (0, 2))[2] < 0.05 * math.pi
 
 
+def test_an_axis_that_may_be_either_of_two_holds_both() -> None:
+    height = np.outer(*2 * ([0.0, -1.0, 0.0, -1.0, 0.0, 1.0, 0.0, 1.0],))
+    turn = m.deviations(RECTANGLE, 15.0**2 * height)[2]  # 10 high and 40 wide, or 70 high
+    assert turn == m.UNKNOWN_ANGLE
+    assert 1.96 * turn > math.pi / 2
+    taller = np.stack([RECTANGLE + h * np.array([(0, -1), (0, -1), (0, 1), (0, 1)]) for h in range(40)])
+    assert m.sample_deviations(RECTANGLE, taller)[2] == m.UNKNOWN_ANGLE
+
+
 def test_a_small_difference_of_the_axes_is_as_likely_as_a_large_one() -> None:
     """Of what is turned anyhow and as long over wide as any, what reads like 21 x 20 mm: how it may be turned."""
     covariance, random = 0.2 * np.eye(8), np.random.default_rng(2)

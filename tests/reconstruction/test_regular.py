@@ -133,3 +133,14 @@ def test_an_upright_rounded_rectangle_of_one_signature_is_given_as_one() -> None
     assert ts.mismatch(outline, found.vertices).iou > 0.6
     assert found.covariance is not None
     assert found.covariance.shape == (found.vertices.size, found.vertices.size)
+
+
+@needs_core
+def test_an_upright_rectangle_of_any_height_is_right_in_three_of_ten() -> None:
+    sensor = ts.Sensor(construction="crs-crs", strips=40, pitch_mm=2.5, length_mm=100.0)
+    scan = ts.simulate(sensor, ts.Contact.polygon([(15, 30), (65, 30), (65, 70), (15, 70)]), NOISE, rng=5)
+    found = ts.fit_polygon(ts.Scan(kh=scan["kh"]), sensor, NOISE).objects[0]
+    assert (found.kind, found.status) == ("upright rectangle", "doubtful")
+    assert found.confidence == pytest.approx(0.3)
+    assert found.deviations is not None
+    assert 1.96 * found.deviations[2] > np.pi / 2  # higher than it is wide, or wider than high

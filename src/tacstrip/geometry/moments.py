@@ -111,8 +111,16 @@ def deviations(vertices: FloatArray, covariance: FloatArray, uniform: Sequence[i
         drawn_axes = axes + x + 1j * y
         near = (x * x + y * y).mean() > (_CLEAR * abs(axes)) ** 2
         turned = 0.5 * np.angle(drawn_axes * axes.conjugate())
-        turn = min(_half_width(turned, 1.0 / np.abs(drawn_axes) if near else None) / _NORMAL, UNKNOWN_ANGLE)
+        turn = axis_deviation(_half_width(turned, 1.0 / np.abs(drawn_axes) if near else None) / _NORMAL)
     return float(sigma[0]), sigma[1:3], turn
+
+
+def axis_deviation(turn: float) -> float:
+    """Return the deviation of an axis [rad], `turn` by what 1.96 of it to either side hold.
+
+    A region wider than that of an axis that can lie anyhow is of two axes at right angles: it holds both.
+    """
+    return turn if turn < LEVEL * 0.5 * math.pi / _NORMAL else UNKNOWN_ANGLE
 
 
 def _half_width(errors: FloatArray, weight: FloatArray | None = None) -> float:
@@ -145,7 +153,7 @@ def sample_deviations(vertices: FloatArray, drawn: FloatArray) -> MomentDeviatio
     off = among - at
     off[:, 3] = np.remainder(off[:, 3] + 0.5 * math.pi, math.pi) - 0.5 * math.pi
     area, x, y, turn = np.quantile(np.abs(off), LEVEL, axis=0) / _NORMAL
-    return float(area), np.array([x, y]), min(float(turn), UNKNOWN_ANGLE)
+    return float(area), np.array([x, y]), axis_deviation(float(turn))
 
 
 def _of_moments(v: FloatArray) -> FloatArray:

@@ -178,7 +178,7 @@ def reconstruct_object(scan: Scan, contact: FittedContact, asked: Asked) -> Reco
     given = Estimate.of(contact, sensor, scan, asked.noise, model, in_mm)
     choice = _choice(scan, contact, asked, given, within=model is fit, faint=faint)
     verdict = _verdict(scan, asked, choice, fit)
-    estimate, outline = choice.estimate, choice.estimate.outline
+    estimate, outline = choice.estimate.among(choice.assessed.mixed), choice.estimate.outline
     covariance, polygon = estimate.propagated(), isinstance(estimate.model, PolygonFit)
     return RecoveredObject(
         strips,

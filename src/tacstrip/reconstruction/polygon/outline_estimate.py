@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,6 +23,8 @@ from tacstrip.reconstruction.polygon.goodness_of_fit import (
     explains,
 )
 from tacstrip.reconstruction.polygon.run import ModelInMm, RunFit
+from tacstrip.reconstruction.posterior.draws import Draws
+from tacstrip.reconstruction.posterior.vertex_scatter import vertex_scatter
 from tacstrip.reconstruction.set_membership.edge_lines import ReadingBounds
 from tacstrip.reconstruction.set_membership.estimate import Bounded, fewest
 from tacstrip.scan import Scan
@@ -128,6 +130,12 @@ class Estimate:
         outline, covariance = guarantee.outline, guarantee.region_covariance
         errors = _errors(scan, sensor, contact, noise, outline)
         return Estimate(self.model, outline, covariance, errors, covariance, guarantee), ""
+
+    def among(self, drawn: Draws | None) -> Estimate:
+        """Return a polygon with what outlines `drawn` say of its covariance; else, and within a bound, the same."""
+        if drawn is None or self.guarantee is not None or not isinstance(self.model, PolygonFit):
+            return self
+        return replace(self, covariance=vertex_scatter(self.outline, self.covariance, drawn))
 
     def propagated(self) -> FloatArray:
         """Return the covariance of the readings' errors, whether independent or not."""

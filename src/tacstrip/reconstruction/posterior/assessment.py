@@ -41,6 +41,9 @@ _KEPT = {"thorough": 240, "fast": 100}
 _RATHER_WRONG, _BETTER = 0.5, 0.1  # an estimate less sure than this is given up for one that is so much surer
 _ROUNDED_BETTER = 0.3  # likewise a polygon for a rounded outline, for the vertices are lost with it
 _REGULAR_BETTER = 4.5  # times the odds, likewise for a regular outline
+# Of regular outlines that are given so many convex ones are right, however much less is said of them: most are upright
+# rectangles, of which the readings leave any height, and the likeliest height is as often near.
+_REGULAR_LEAST = 0.3
 # With one signature: log odds of being right, by kind of `doubts`, whose terms these go with. `studies/confidence.py`
 # fits them, but for that of an ellipse at the border (the fourth of its kinds). Fast, and of few strips, the first ones
 # are of convex contacts alone.
@@ -101,6 +104,8 @@ class Assessment:
         An outline that overlaps what the true one may be better than the estimate does; then `confidence` is its.
     better_explains
         Whether that one leaves no more of the readings than noise does, or, where nobody knows the noise, than the fit.
+    mixed
+        The outlines drawn, where they are enough to tell how a polygon's vertices scatter.
     """
 
     confidence: float | None = None
@@ -108,6 +113,7 @@ class Assessment:
     better: OutlineModel | None = None
     explained: bool = False
     better_explains: bool = False
+    mixed: Draws | None = None
 
 
 def check_effort(assessment: str) -> None:
@@ -180,7 +186,12 @@ def assess(
     unlike = 1.0 if isinstance(chosen.better, FamilyOutline) else float(drawn.weight[~chosen.own].sum())
     rest = min(1.0, (1.0 - chosen.confidence) / unlike) if unlike > 0.0 else 0.0
     others = _alternatives(drawn, every >= PROMISED_IOU, chosen.own, rest)
-    return Assessment(chosen.confidence, others, chosen.better, explained or better_explains, better_explains)
+    mixed = (
+        drawn if one and effort == "thorough" else None
+    )  # fewer, and longer chains of two signatures, do not
+    return Assessment(
+        chosen.confidence, others, chosen.better, explained or better_explains, better_explains, mixed
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,6 +279,7 @@ def _judged_by_rivals(
     if sure * (1.0 - confidence) > _REGULAR_BETTER * confidence * (1.0 - sure):
         own = drawn.overlap(regular.ends[best]) >= PROMISED_IOU
         outline = regular.outline(best)
+        sure = max(sure, _REGULAR_LEAST)
         judged = replace(judged, confidence=sure, better=outline, own=own, misfit=regular.misfit)
     return judged
 

@@ -27,7 +27,7 @@ from tacstrip.core.binding import exported
 from tacstrip.core.hit_and_run import SWEEPS, hit_and_run
 from tacstrip.core.polytope import largest, lowest
 from tacstrip.errors import ContactError
-from tacstrip.geometry.moments import LEVEL, UNKNOWN_ANGLE, MomentDeviations
+from tacstrip.geometry.moments import LEVEL, MomentDeviations, axis_deviation
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.set_membership.edge_lines import EdgeLines, ReadingBounds
 from tacstrip.reconstruction.set_membership.feasible_set import Effort, feasible_point, feasible_set
@@ -350,7 +350,7 @@ def _judged(refined: Bounded, least_squares: Bounded) -> Bounded:
     if more == 1.0:
         return refined
     area, centroid, turn = refined.deviations
-    deviations = (more * area, more * centroid, min(more * turn, UNKNOWN_ANGLE))
+    deviations = (more * area, more * centroid, axis_deviation(more * turn))
     return replace(refined, covariance=more**2 * refined.covariance, deviations=deviations)
 
 
@@ -388,7 +388,7 @@ def in_one_call(
     middle = Outline.held(mean[:split], mean[split:])
     v = len(middle.vertices)
     area, x, y, turn = found[4 * n * n + n :].tolist()
-    deviations = (area, np.array([x, y]), min(turn, UNKNOWN_ANGLE))
+    deviations = (area, np.array([x, y]), axis_deviation(turn))
     scatter = found[: 4 * v * v].reshape(2 * v, 2 * v)
     radii = found[4 * n * n : 4 * n * n + v]
     return _judged(Bounded(middle, scatter, radii, deviations, band, points, least_squares), least_squares)

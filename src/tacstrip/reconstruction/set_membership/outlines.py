@@ -9,7 +9,7 @@ import numpy as np
 from tacstrip.arrays import FloatArray
 from tacstrip.core.binding import at as address
 from tacstrip.core.binding import exported
-from tacstrip.geometry.moments import LEVEL, UNKNOWN_ANGLE, MomentDeviations, sample_deviations
+from tacstrip.geometry.moments import LEVEL, MomentDeviations, axis_deviation, sample_deviations
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.set_membership.edge_lines import EdgeLines, ReadingBounds
 
@@ -88,7 +88,7 @@ def scatter(
     given = (*map(address, (lower, upper, *indices)), *map(len, indices), address(vertices))
     core(*given, n, count, *out)
     area, x, y, turn = deviations.tolist()
-    return covariance, radii, (area, np.array([x, y]), min(turn, UNKNOWN_ANGLE))
+    return covariance, radii, (area, np.array([x, y]), axis_deviation(turn))
 
 
 def plain_scatter(
