@@ -45,7 +45,6 @@ from tacstrip.tracking.rigid.rivals import (
     beside_rivals,
     notch_gain,
     poses_beside_rivals,
-    unread_tip_mm,
 )
 from tacstrip.tracking.rigid.search import _compared, freer_spline, likelier
 from tacstrip.tracking.rigid.smooth_path import fit_corners, one_after_another, radii_of, spline_basis
@@ -347,8 +346,8 @@ def test_a_tip_that_no_strip_reads_is_measured() -> None:
     scans = pressed(sensor, shape, poses, ts.Noise(), 0)
     every = RigidScans(sensor, ("kh", "kl"), np.stack([np.stack([s["kh"], s["kl"]]) for s in scans]), 0.003)
     fit = Fit(shape, poses, np.zeros(3))
-    assert unread_tip_mm(every.of([0]), fit.of(np.array([0]))) == pytest.approx(5.0)
-    assert unread_tip_mm(every, fit) == pytest.approx(2.0)
+    np.testing.assert_allclose(unread_tips_mm(every.of([0]), fit.of(np.array([0]))), (5.0, 0.0, 5.0, 0.0), atol=5.0)
+    assert unread_tips_mm(every, fit)[[0, 2]] == pytest.approx(2.0)
 
 
 @pytest.mark.parametrize("turned", [False, True])

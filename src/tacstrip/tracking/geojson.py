@@ -92,6 +92,7 @@ def _feature(track: Track) -> dict[str, Any]:
         "area_sigma_mm2": plain(track.area_deviation_mm2),
         "outline_mm": plain(track.outline, 9),
         "vertex_sigma_mm": None if sigma is None else plain(sigma),
+        "unseen_corner_mm": plain(track.unseen_corner_mm),
         "alternatives": [
             {"weight": plain(a.weight), "vertices_mm": plain(a.vertices)} for a in track.alternatives
         ],
