@@ -192,7 +192,12 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
         told, advice = False, _COUNT.format(n=other)
     elif not advice and concave and notch_gain(some, own, unsure) < _OPEN:
         told, advice = False, _NOTCH.format(far=unsure)
-    elif not advice and few and not concave and (tip := unread_tips_mm(some, own).max()) > _UNREAD * sensor.pitch_mm:
+    elif (
+        not advice
+        and few
+        and not concave
+        and (tip := unread_tips_mm(some, own).max()) > _UNREAD * sensor.pitch_mm
+    ):
         told, advice = False, _TIP.format(far=figures(tip))
     elif not advice and (cut := _with_a_corner_cut(one)):
         told, advice, one = False, _COUNT.format(n=len(outline) + 1), cut

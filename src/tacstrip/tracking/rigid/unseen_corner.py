@@ -21,8 +21,8 @@ def unseen_corner_mm(scans: RigidScans, fit: Fit, deviation: float = 0.0, wider:
 
     At two standard deviations, from the bound of its height over its two neighbours at places along the edge, where
     corners, poses and channels' offsets of some `deviation` [Vref] follow. Beyond the places that strips read there is a
-    tip that may be cut off, to its depth. A convex outline stays one: the corner is no farther out than where the edges
-    beside meet. `wider`: times the readings' own uncertainty.
+    tip that may be cut off, to its depth. The corner lies over no strip that is not touched, and leaves a convex outline
+    one: it is no farther out than where the edges beside meet. `wider`: times the readings' own uncertainty.
     """
     corners, after = fit.corners, np.roll(fit.corners, -1, axis=0) - fit.corners
     count = len(corners)
@@ -46,10 +46,32 @@ def unseen_corner_mm(scans: RigidScans, fit: Fit, deviation: float = 0.0, wider:
     place = np.tile(shares, (count, 1))
     seen = (place >= begins[:, None]) & (place <= 1.0 - ends[:, None])
     high = np.abs(asked / known) + _DEVIATIONS * wider / np.sqrt(known)
-    high = np.where(seen, high.reshape(count, places), 0.0).max(axis=1)
+    one = (
+        _DEVIATIONS * wider * scans.sigma * scans.sensor.length_mm
+    )  # a scan's pose is known about as its readings are
+    high = np.minimum(high.reshape(count, places), _short_of_untouched(scans, fit, shares) + one)
+    high = np.minimum(np.where(seen, high, 0.0).max(axis=1), _farthest_out(corners))
     tips = unread_tips_mm(scans, fit)
-    high = np.minimum(high, _farthest_out(corners))
     return np.maximum(high, np.maximum(tips, np.roll(tips, -1)))
+
+
+def _short_of_untouched(scans: RigidScans, fit: Fit, shares: FloatArray) -> FloatArray:
+    """Return how far out of places of edges the first strip is that some scan does not touch (N, P) [mm]."""
+    after = np.roll(fit.corners, -1, axis=0) - fit.corners
+    touched, x_mm = np.isfinite(scans.k).any(axis=1), scans.x_mm
+    count = touched.shape[1]
+    last = np.where(touched, np.arange(count), -1).max(axis=1) + 1
+    first = np.where(touched, np.arange(count), count).min(axis=1) - 1
+    right = np.where(last < count, x_mm[np.minimum(last, count - 1)], np.inf)[:, None, None]
+    left = np.where(first >= 0, x_mm[np.maximum(first, 0)], -np.inf)[:, None, None]
+    cos, sin = np.cos(fit.poses[:, 2]), np.sin(fit.poses[:, 2])
+    point = fit.corners[:, None] + shares[:, None] * after[:, None]  # (N, P, 2)
+    x = fit.poses[:, 0, None, None] + cos[:, None, None] * point[..., 0] - sin[:, None, None] * point[..., 1]
+    out = (np.outer(cos, after[:, 1]) + np.outer(sin, after[:, 0])) / np.hypot(
+        *after.T
+    )  # of the way out, in x (T, N)
+    room = np.where(out[..., None] > 0.0, right - x, x - left) / np.maximum(np.abs(out), 1e-9)[..., None]
+    return np.asarray(np.maximum(room.min(axis=0), 0.0))
 
 
 def _farthest_out(corners: FloatArray) -> FloatArray:
@@ -91,7 +113,11 @@ def unread_tips_mm(scans: RigidScans, fit: Fit) -> FloatArray:
 
 def read_from(scans: RigidScans, fit: Fit) -> tuple[FloatArray, FloatArray]:
     """Return the shares of edges (N,) that no strip reads in any scan at their beginning, and at their end."""
-    x = fit.poses[:, :1] + np.cos(fit.poses[:, 2:]) * fit.corners[:, 0] - np.sin(fit.poses[:, 2:]) * fit.corners[:, 1]
+    x = (
+        fit.poses[:, :1]
+        + np.cos(fit.poses[:, 2:]) * fit.corners[:, 0]
+        - np.sin(fit.poses[:, 2:]) * fit.corners[:, 1]
+    )
     with np.errstate(divide="ignore", invalid="ignore"):
         share = (scans.x_mm - x[..., None]) / (np.roll(x, -1, axis=1) - x)[..., None]  # of an edge (T, N, n)
     touched: BoolArray = np.isfinite(scans.k).any(axis=1)
