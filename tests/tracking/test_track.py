@@ -365,7 +365,8 @@ def test_a_corner_more_that_the_scans_do_not_show_is_as_high_as_they_allow() -> 
         unseen_corner_mm(noisy.of(some), lacking.of(np.arange(30)[some]))
         for some in (slice(30), slice(0, 30, 3))
     ]
-    assert (by_noise[0] > 0.0).all() and (by_noise[1] > by_noise[0]).all()
+    assert (by_noise[0] > 0.0).all()
+    assert (by_noise[1] > by_noise[0]).all()
     assert high < by_noise[0][0] < 3.0 * high
     twice = unseen_corner_mm(noisy, lacking, wider=2.0)[0] - by_noise[0][0]
     assert twice == pytest.approx(by_noise[0][0] - high, rel=0.3)

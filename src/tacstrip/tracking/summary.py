@@ -83,8 +83,8 @@ _NOTCH = (
     "object further"
 )
 _UNSEEN = (
-    "one corner more, by which the outline changes by up to {far} mm (`unseen_corner_mm`), would not show in the scans: "
-    "turn the object further, or take more scans"
+    "one corner more, by which the outline changes by up to {far} mm (`unseen_corner_mm`), would not show in the "
+    "scans: turn the object further, or take more scans"
 )
 _HARDLY_MOVED = (
     "its corners stay over the same strips in all {n} scans, which so tell little more of the shape than one: turn the "
@@ -204,7 +204,8 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
     elif not advice:
         tied = fit.basis is not None and few
         wander = [_WANDERS.format(times=figures(wider))] * (wider > 1.0)
-        hides = [_UNSEEN.format(far=figures(unseen.max()))] * bool(unseen.max() > unsure)
+        # scans that it shares strips in tell more, and are not among these
+        hides = [_UNSEEN.format(far=figures(unseen.max()))] * bool(unseen.max() > unsure and not one.shared)
         note = "; ".join([_CONCAVE] * concave + [_SMOOTH] * tied + wander + hides)
     parted = bool(one.joint) and max(one.shown) > min(one.joint)
     more_advice = (

@@ -20,9 +20,9 @@ def unseen_corner_mm(scans: RigidScans, fit: Fit, deviation: float = 0.0, wider:
     """Return for each edge how far one corner more may stand out of it, or be cut off at its ends, unseen (N,) [mm].
 
     At two standard deviations, from the bound of its height over its two neighbours at places along the edge, where
-    corners, poses and channels' offsets of some `deviation` [Vref] follow. Beyond the places that strips read there is a
-    tip that may be cut off, to its depth. The corner lies over no strip that is not touched, and leaves a convex outline
-    one: it is no farther out than where the edges beside meet. `wider`: times the readings' own uncertainty.
+    corners, poses and channels' offsets of some `deviation` [Vref] follow. Beyond the places that strips read there is
+    a tip that may be cut off, to its depth. The corner lies over no strip that is not touched, and leaves a convex
+    outline one: it is no farther out than where the edges beside meet. `wider`: times the readings' own uncertainty.
     """
     corners, after = fit.corners, np.roll(fit.corners, -1, axis=0) - fit.corners
     count = len(corners)
@@ -52,7 +52,7 @@ def unseen_corner_mm(scans: RigidScans, fit: Fit, deviation: float = 0.0, wider:
     high = np.minimum(high.reshape(count, places), _short_of_untouched(scans, fit, shares) + one)
     high = np.minimum(np.where(seen, high, 0.0).max(axis=1), _farthest_out(corners))
     tips = unread_tips_mm(scans, fit)
-    return np.maximum(high, np.maximum(tips, np.roll(tips, -1)))
+    return np.asarray(np.maximum(high, np.maximum(tips, np.roll(tips, -1))))
 
 
 def _short_of_untouched(scans: RigidScans, fit: Fit, shares: FloatArray) -> FloatArray:
@@ -120,7 +120,7 @@ def read_from(scans: RigidScans, fit: Fit) -> tuple[FloatArray, FloatArray]:
     )
     with np.errstate(divide="ignore", invalid="ignore"):
         share = (scans.x_mm - x[..., None]) / (np.roll(x, -1, axis=1) - x)[..., None]  # of an edge (T, N, n)
-    touched: BoolArray = np.isfinite(scans.k).any(axis=1)
+    touched: BoolArray = np.asarray(np.isfinite(scans.k).any(axis=1))
     read = touched[:, None] & (share >= 0.0) & (share <= 1.0)
     begins, ends = (np.where(read, s, 1.0).min(axis=(0, 2)) for s in (share, 1.0 - share))
     return begins, ends
