@@ -355,7 +355,7 @@ def test_a_corner_more_that_the_scans_do_not_show_is_as_high_as_they_allow() -> 
     """Fits of four corners to exact readings of five, of which one stands .4 mm out of an edge, and to noisy ones."""
     sensor, poses, high = ten_strips(), sliding(30), 0.4
     four = np.array([(-22.0, -18.0), (20.0, -20.0), (25.0, 14.0), (-20.0, 16.0)])
-    five = np.insert(four, 1, four[:2].mean(axis=0) + (0.0, -high), axis=0)
+    five = np.insert(four, 1, four[:2].mean(axis=0) - np.array([0.0, high]), axis=0)
     scans = pressed(sensor, five, poses, ts.Noise(), 0)
     exact = RigidScans(sensor, ("kh", "kl"), np.stack([np.stack([s["kh"], s["kl"]]) for s in scans]), 1e-6)
     lacking = fitted(exact, four, poses)
