@@ -675,7 +675,8 @@ def main() -> None:
                     f"{number:3d} {of.kind} {of.motion} {of.noise} {len(of.poses)} {corners} {one.status:9s} "
                     f"{'right' if one.right else 'wrong'} count {one.counted} far {one.far:.2f} "
                     f"{'beyond ' * one.beyond}{'unsaid ' * one.unsaid}rms {one.rms:.3f} "
-                    f"bound {one.bound:.3f} iou {one.iou:.3f} shape {one.shape_square:.3f} poses {np.mean(np.array(one.pose_squares) < LEVEL):.2f} "
+                    f"bound {one.bound:.3f} iou {one.iou:.3f} "
+                    f"shape {one.shape_square:.3f} poses {np.mean(np.array(one.pose_squares) < LEVEL):.2f} "
                     f"places {np.mean(np.array(one.place_squares) < LEVEL):.2f} {one.ms:.1f} ms {one.advice[:120]}",
                     flush=True,
                 )
