@@ -52,7 +52,7 @@ def test_what_strips_nearly_as_wide_as_their_pitch_add_is_not_passed_over() -> N
 @pytest.mark.parametrize(("width_mm", "status"), [(None, "ok"), (1.0, "likely"), (8.0, "doubtful")])
 def test_a_stream_says_what_it_leaves_out(width_mm: float | None, status: str) -> None:
     live = ts.LiveTracks(sensor_of(width_mm), NOISE)
-    scans, _ = scans_of(sensor_of(width_mm), 12)
+    scans, _ = scans_of(sensor_of(width_mm), 25)
     for scan in scans:
         tracks = live.update(scan)
     assert [t.status for t in tracks] == [status] or (width_mm == 8.0 and not tracks)
