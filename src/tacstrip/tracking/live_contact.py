@@ -87,7 +87,7 @@ class LiveTrack:
     >>> shape, noise = ts.Contact.polygon([(-25, -20), (20, -25), (25, 20), (-10, 25)]), ts.Noise(positional=0.002)
     >>> live = ts.LiveTracks(sensor, noise)
     >>> for i in range(30):
-    ...     placed = shape.turned(0.04 * i).placed(45 + 0.5 * i, 50)
+    ...     placed = shape.turned(0.04 * i).placed(35 + 0.8 * i, 50)
     ...     tracks = live.update(ts.simulate(sensor, placed, noise, rng=i, time_s=0.01 * i))
     >>> tracks[0].status, tracks[0].scans, tracks[0].placed.shape
     ('ok', 30, (4, 2))

@@ -105,24 +105,6 @@ def with_a_corner_cut(scans: RigidScans, fit: Fit, least_mm: float) -> Fit | Non
     return None
 
 
-def unread_tip_mm(scans: RigidScans, fit: Fit) -> float:
-    """Return the most of a convex outline's corner that no strip reads in any scan [mm]; it may be cut off there.
-
-    That is from the corner to the line between the places on its edges that are read nearest to it.
-    """
-    corners, after = fit.corners, np.roll(fit.corners, -1, axis=0) - fit.corners
-    x = fit.poses[:, :1] + np.cos(fit.poses[:, 2:]) * corners[:, 0] - np.sin(fit.poses[:, 2:]) * corners[:, 1]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = (scans.x_mm - x[..., None]) / (np.roll(x, -1, axis=1) - x)[..., None]  # of an edge (T, N, n)
-    touched = np.asarray(np.isfinite(scans.k).any(axis=1))
-    read = touched[:, None] & (share >= 0.0) & (share <= 1.0)
-    begins, ends = (np.where(read, s, 1.0).min(axis=(0, 2)) for s in (share, 1.0 - share))
-    one, other = begins[:, None] * after, np.roll(-ends[:, None] * after, 1, axis=0)  # from each corner
-    across = one - other
-    twice = np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])
-    return float((twice / np.maximum(np.hypot(*across.T), 1e-9)).max())
-
-
 def notch_gain(scans: RigidScans, fit: Fit, far_mm: float) -> float:
     """Return the least that chi square grows by as a notch's corner moves on along one of its edges by so much.
 
