@@ -6,9 +6,12 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+
+from tacstrip.errors import ReadingError
+from tacstrip.io.log_import.arrays import of_arrays
 from tacstrip.io.log_import.fields import number_of, says_nothing
 from tacstrip.io.log_import.gathered import touched_vary
-from tacstrip.io.log_import.prints import of_octave
 from tacstrip.io.log_import.strays import filled_lines
 from tacstrip.io.log_import.table import Table, of_records
 from tacstrip.io.log_import.yaml_text import of_yaml
@@ -17,6 +20,9 @@ _STEADY = 0.8  # of the lines
 _TELEPLOT = re.compile(r">([^:|§\d][^:|§]*):(\d+(?:\.\d+)?):([^:;|§]+)(?:§([^|]*))?(?:\|\w*)?")
 _KEYS = r"[^,=\s]+=(?:\"[^\"]*\"|[^,\s\"]+)"
 _INFLUX = re.compile(rf"[^,=\s]+((?:,{_KEYS})*) ({_KEYS}(?:,{_KEYS})*) (\d{{10,19}})")
+_SAVED = re.compile(
+    r"(?m)^# name: (\w+)\n# type: (?:complex )?matrix\n((?:# .*\n)+)((?:[^#\n]*\n)+)"
+)  # by Octave
 _SAMPLE = re.compile(r"(\w+)\{([^{}]*)\} (\S+) (\d{10,19})\Z")  # of Prometheus
 
 
@@ -25,7 +31,7 @@ def of_dialect(text: str, path: str) -> Table | None:
     readers: tuple[Callable[[str, str], Table | None], ...] = (
         _teleplot,
         _influx,
-        of_octave,
+        _octave,
         of_yaml,
     )
     return next((table for read in readers if (table := read(text, path)) is not None), None)
@@ -86,3 +92,15 @@ def _nanoseconds(stamp: str) -> str:
 def _with_broken(table: Table, lines: Sequence[tuple[int, str]], form: re.Pattern[str]) -> Table:
     broken = {i: line for i, line in lines if not form.fullmatch(line)}
     return replace(table, broken=tuple(broken), quotes=broken)
+
+
+def _octave(text: str, path: str) -> Table | None:
+    """Return what Octave saves as text: names, sizes, and the numbers below them."""
+    arrays = {}
+    for name, size, body in _SAVED.findall(text):
+        values = [np.nan if says_nothing(f) or f == "NA" else number_of(f) for f in body.split()]
+        shape = [int(n) for n in re.findall(r"(?:rows|columns): (\d+)", size)]
+        if None in values or len(values) != int(np.prod(shape)):
+            raise ReadingError(f"{path}: {name} is said to be of {shape} numbers, and is not: is it cut?")
+        arrays[name] = np.array(values, dtype=np.float64).reshape(shape).squeeze()
+    return of_arrays(arrays, path, {}, "matrices as Octave saves them") if arrays else None
