@@ -77,7 +77,10 @@ def _fill(row: list[str], below: dict[int, tuple[int, str]]) -> None:
 
 
 def dumped_tables(text: str) -> dict[str, list[list[str]]]:
-    """Return the tables of a dump of SQL: the names of the columns, and the rows; nothing where names change within one."""
+    """Return the tables of a dump of SQL: the names of the columns, and the rows.
+
+    Nothing where those of one change within it.
+    """
     quotes = " '\"`[]"
     names = {
         table.strip(quotes): [
