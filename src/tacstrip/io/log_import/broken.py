@@ -22,7 +22,8 @@ from tacstrip.io.log_import.tokens import VALUE, parted
 from tacstrip.io.log_import.words import finder
 
 _NUMBERS = {mark: re.compile(rf"(?<![\w.])[-+]?\d+(?:\{mark}\d+)*(?!\w)") for mark in ".,"}
-_STAMP = re.compile(r"\d+:\d+(?::\d+)?(?:[.,]\d+)?|\d{4}-\d\d-\d\d[T ]?")
+_LETTERS = re.compile(r"[^\W\d_]+")
+_STAMP = re.compile(r"(?<!\w)\d+:\d+(?::\d+)?(?:[.,]\d+)?|\d{4}-\d\d-\d\d[T ]?")
 _FEW_VALUES = 0.5  # of those of other lines: a line with more may be a scan
 _GAP, _REGULAR = 1.5, 0.9  # times the usual step, part of the steps that are near it
 _FEW, _WORDS = 3, 5  # scans; words of a sentence
@@ -51,7 +52,7 @@ def settle_broken(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) ->
         return
     if (
         len(above) + len(inner) + len(below) == len(table.broken)
-        and all(_is_remark(table, n) for n in above)
+        and all(_is_remark(table, n) for n in above[: -1 if _begins_within(table, above[-1:]) else None])
         and _at_the_end(table, below, _has_empty(table, rough))
         and (
             not inner
@@ -176,6 +177,23 @@ def _is_remark(table: Table, line: int) -> bool:
     quote = table.quotes.get(line, "")
     words, values = len(re.findall(r"[^\W\d_]{3,}", quote)), _parted_values(quote, table.decimal)
     return words > 0 and (_is_short(table, line) or words > values < _usual(table))
+
+
+def _begins_within(table: Table, last: list[int]) -> bool:
+    """Return whether the last line above all rows is the end of one, within which the log begins: of fewer values.
+
+    Its words are those of rows, but the first, which may be the end of one.
+    """
+    quote = "".join(table.quotes.get(n, "") for n in last)
+    known = {
+        w.casefold() for row in (table.names, *table.rows[:_FEW]) for f in row for w in _LETTERS.findall(f)
+    }
+    first, *words = [w.casefold() for w in _LETTERS.findall(quote)] or [""]
+    return (
+        0 < _values_of(quote, table.decimal) < _usual(table)
+        and any(w.endswith(first) for w in (first, *known) if w in known)
+        and known.issuperset(words)
+    )
 
 
 def _parted_values(quote: str, decimal: str) -> int:

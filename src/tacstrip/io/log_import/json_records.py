@@ -16,6 +16,7 @@ from tacstrip.io.log_import.fields import is_prose
 from tacstrip.io.log_import.gathered import touched_vary
 from tacstrip.io.log_import.literals import literal, literals
 from tacstrip.io.log_import.names import meaning
+from tacstrip.io.log_import.strays import numbered
 from tacstrip.io.log_import.table import CLOCK, Table, flattened, of_records, said_above
 from tacstrip.io.log_import.xml_records import of_xml
 
@@ -39,6 +40,9 @@ def of_literals(text: str, path: str | Path) -> Table | None:
     if found is None or not any(isinstance(value, dict | list) for _, value in found):
         found, around = literals(text)
         broken = [i for i, line in around if re.search(r"\d", line) and not is_prose(line)]
+    else:
+        texts = dict(numbered(text))
+        broken = [i for i in broken if not is_prose(texts[i])]
     found, messages = _without_messages(found)
     if len(found) == 1 and isinstance(found[0][1], dict):
         table = of_values(found[0][1], path)
@@ -67,7 +71,7 @@ def of_values(
     if rows and len(rows) == len(found):
         table = _of_lists(rows)
         return table and replace(table, preamble=above)
-    found, same = _without_descriptions(found)
+    found, same = _without_descriptions(_with_untouched(found))
     above += same
     records, lines = [], []
     empty: set[int] = set()
@@ -96,6 +100,41 @@ def of_values(
     return replace(
         table, names=_described(table.names, above), preamble=above, varied=varied, empty=frozenset(empty)
     )
+
+
+def _with_untouched(found: Sequence[tuple[int, Any]]) -> list[tuple[int, Any]]:
+    """Return records with a record for each null in a list of these, which has the number of the strip in its place.
+
+    Examples
+    --------
+    >>> _with_untouched([(1, {"strips": [None, {"id": 2, "h": 5}, {"id": 3, "h": 5}]})])[0][1]["strips"][:2]
+    [{'id': 1, 'h': None}, {'id': 2, 'h': 5}]
+    >>> _with_untouched([(1, {"strips": [None, {"h": 5}]})])
+    [(1, {'strips': [{'h': None, 'strip': 0}, {'h': 5, 'strip': 1}]})]
+    """
+    lists = [
+        (k, v) for _, row in found if isinstance(row, dict) for k, v in row.items()
+        if isinstance(v, list) and v and all(e is None or isinstance(e, dict) for e in v)
+    ]  # fmt: skip
+    names = {k for k, _ in lists}
+    there = [(n, e) for _, v in lists for n, e in enumerate(v) if e is not None]
+    if len(names) != 1 or not there or all(e is not None for _, v in lists for e in v):
+        return [*found]
+    keys = dict.fromkeys(key for _, e in there for key in e)
+    shifts = {key: {e[key] - n if isinstance(e.get(key), int) else None for n, e in there} for key in keys}
+    counts = {key: shift for key, (shift, *others) in shifts.items() if shift is not None and not others}
+    several = len({n for n, _ in there}) > 1
+    name, shift = next(iter(counts.items()), ("strip", 0)) if several else ("strip", 0)
+    empty = dict.fromkeys(keys)
+
+    def whole(place: int, element: Any) -> Any:
+        return (element or empty) | {name: place + shift}
+
+    return [
+        (i, {k: [whole(n, e) for n, e in enumerate(v)] if k in names else v for k, v in row.items()})
+        if isinstance(row, dict) else (i, row)
+        for i, row in found
+    ]  # fmt: skip
 
 
 def _without_descriptions(found: Sequence[tuple[int, Any]]) -> tuple[list[tuple[int, Any]], tuple[str, ...]]:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from tacstrip.io.log_import.fields import STAMP, says_nothing
+from tacstrip.io.log_import.fields import STAMP, is_prose, says_nothing
 from tacstrip.io.log_import.names import READING_UNITS, UNITS, meaning
 from tacstrip.io.log_import.statements import order_said
 from tacstrip.io.log_import.table import Table
@@ -75,17 +75,15 @@ def of_runs(text: str) -> Table | None:
     strange = [n for n, line in best.items() if tuple(name for name, _ in line.fields) != heads]
     best = {n: line for n, line in best.items() if n not in strange}
     form, _ = Counter((line.form, line.rest) for line in best.values()).most_common(1)[0]
-    shown = next(iter(best[min(best)].pairs))
-    touched_only = len({tuple(line.pairs) for line in best.values()}) > 1
+    usual, often = Counter(tuple(line.pairs) for line in best.values()).most_common(1)[0]
+    touched_only = often <= _USUAL * len(best)  # else lines with other strips are cut
+    cut = [n for n, line in best.items() if not touched_only and tuple(line.pairs) != usual]
     there = [(n, line) for n, line in every if touched_only and n not in best]
-    voids = {n: made for n, line in there if (made := _without_contact(line, shown, form[0])) is not None}
+    voids = {n: made for n, line in there if (made := _without_contact(line, usual[0], form[0])) is not None}
     best = dict(sorted((best | voids).items()))
-    first = min(best)
+    first = min({*best} - {*cut})
     odd = [(n, line) for n, line in every if n > first and n not in best]
     numeric = [n for n, line in odd if _may_be_cut(line, label, form[0])]
-    sets = Counter(tuple(line.pairs) for n, line in best.items() if n not in voids)
-    usual, often = sets.most_common(1)[0]
-    cut = [n for n, line in best.items() if often > _USUAL * len(best) and tuple(line.pairs) != usual]
     broken = sorted({*numeric, *cut, *strange})
     if len(best) - len(cut) < max(_FEW, (1.0 - _USUAL) * (len(best) + len(numeric))):
         return None
@@ -142,7 +140,11 @@ def _may_be_cut(line: str, word: str, form: str) -> bool:
     begin = " ".join(_SLOT.sub("0", line).split())
     return (
         form.startswith(begin)
-        or (bool(form) and begin.startswith(form))
+        or (
+            bool(form)
+            and begin.startswith(form)
+            and (re.search(r"\d", begin[len(form) :]) or not is_prose(line))
+        )
         or not re.search(r"[^\W\d_]{2}", line)
     )
 
