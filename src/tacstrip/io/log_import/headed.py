@@ -9,7 +9,14 @@ from collections.abc import Sequence, Set
 from dataclasses import replace
 
 from tacstrip.errors import ReadingError
-from tacstrip.io.log_import.fields import is_prose, is_value, number_of, says_nothing, ungrouped
+from tacstrip.io.log_import.fields import (
+    clock_seconds,
+    is_prose,
+    is_value,
+    number_of,
+    says_nothing,
+    ungrouped,
+)
 from tacstrip.io.log_import.names import READING_UNITS, UNITS, is_called_k, meaning, meanings, unknown_unit
 from tacstrip.io.log_import.table import GARBLED, ContradictionError, NoTableError, Table
 
@@ -76,7 +83,10 @@ def headed(
     sums = {i: word for i, row in rows if (word := _statistic(row, numeric, decimal))}
     sums = sums if 2 * len(sums) < len(rows) else {}  # else these are labels
     rows = [(i, row) for i, row in rows if i not in sums]
-    notes = {i for i, row in rows if _is_note(row, numeric, decimal)}
+    timed = [
+        numeric[n] or any(clock_seconds(row[n]) is not None for _, row in rows[:1]) for n in range(width)
+    ]
+    notes = {i for i, row in rows if _is_note(row, timed, decimal)}
     rows = [(i, row) for i, row in rows if i not in notes]
     odd = [(i, " ".join(row)) for i, row in below if len(row) != width or i in garbled]
     broken = _broken(odd, garbled, above, rows)
@@ -265,7 +275,7 @@ def _names(above: list[list[str]], width: int) -> list[str]:
     if not above:
         return [f"column {n + 1}" for n in range(width)]
     if any(_tells_apart(row) for row in above):
-        above = [row for row in above if not _says_processing(row)]
+        above = [row for row in above if not (_says_processing(row) or _says_one(row))]
     units = next((row for row in reversed(above) if _are_units(row)), None)
     above = [row for row in above if row is not units] or above
     best, most = above[-1], -1
@@ -290,6 +300,12 @@ def _names(above: list[list[str]], width: int) -> list[str]:
 def _tells_apart(row: list[str]) -> bool:
     """Return whether a row has another word for each column."""
     return all(row) and len({*row}) == len(row)
+
+
+def _says_one(row: list[str]) -> bool:
+    """Return whether a row says the same words of each column but the first, and no unit, as a remark on the table."""
+    others = {*row[1:]}
+    return len(row) > _FEW + 1 and len(others) == 1 and not _are_units(row) and not meaning(others.pop()).role
 
 
 def _says_processing(row: list[str]) -> bool:
@@ -396,11 +412,10 @@ def _statistic(row: Sequence[str], numeric: Sequence[bool], decimal: str) -> str
 
 
 def _is_note(row: Sequence[str], numeric: Sequence[bool], decimal: str) -> bool:
-    """Return whether a row holds a few words only, in columns of numbers, as below the table of a sheet."""
+    """Return whether a row holds a few words only, some in a column of numbers, as below the table of a sheet."""
     filled = [n for n, cell in enumerate(row) if cell]
-    return 3 * len(filled) <= len(row) and not any(
-        not numeric[n] or is_value(row[n], decimal) or says_nothing(row[n])
-        or (re.search(r"\d", row[n]) and not is_prose(row[n]))
+    return 3 * len(filled) <= len(row) and any(numeric[n] for n in filled) and not any(
+        is_value(row[n], decimal) or says_nothing(row[n]) or (re.search(r"\d", row[n]) and not is_prose(row[n]))
         for n in filled
     )  # fmt: skip
 

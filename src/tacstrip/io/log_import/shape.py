@@ -289,13 +289,19 @@ def _split_keys(table: Table) -> Table:
             continue
         if len({(m.strip, m.channel) for m in kinds.values()}) < len(kinds):
             continue
-        columns = {n: table.column(n) for n in table.names if n != name}
+        # What is another one with each of these says the same.
+        same = [n for n in table.names if n != name and _are_one_to_one(table.column(n), fields)]
+        columns = {n: table.column(n) for n in table.names if n not in (name, *same)}
         columns["strip"] = [str(kinds[f].strip) for f in fields]
         columns["channel"] = [kinds[f].channel for f in fields]
-        if len(columns) < len(table.names) + 1:  # there is such a column already
+        if len(columns) < len(table.names) + 1 - len(same):  # there is such a column already
             continue
         return table.with_columns(columns, f"{name}: strip and channel in one, such as {fields[0]!r}")
     return table
+
+
+def _are_one_to_one(one: list[str], other: list[str]) -> bool:
+    return len({*zip(one, other, strict=True)}) == len({*one}) == len({*other})
 
 
 def _filled(table: Table) -> Table:
