@@ -189,6 +189,8 @@ def _begins_within(table: Table, last: list[int]) -> bool:
         w.casefold() for row in (table.names, *table.rows[:_FEW]) for f in row for w in _LETTERS.findall(f)
     }
     first, *words = [w.casefold() for w in _LETTERS.findall(quote)] or [""]
+    if not first and table.named:  # below names, so it is not the end that is there
+        return False
     return (
         0 < _values_of(quote, table.decimal) < _usual(table)
         and any(w.endswith(first) for w in (first, *known) if w in known)

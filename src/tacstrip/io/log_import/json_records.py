@@ -22,6 +22,7 @@ from tacstrip.io.log_import.xml_records import of_xml
 
 # Of a record that describes a column: what its name and its unit are called.
 _DESCRIBED = (("name", "label", "channel", "field", "key", "id"), ("unit", "units"))
+_WORD, _FEW_WORDS = re.compile(r"(?<!\S)[^\W\d_]{2,}[.,;:]?(?!\S)"), 2  # of a sentence; of no more than these
 _TUPLES = re.compile(r"(?m)^\(.*,\s*\(.*\)\)\s*$")  # within each other
 
 
@@ -42,7 +43,7 @@ def of_literals(text: str, path: str | Path) -> Table | None:
         broken = [i for i, line in around if re.search(r"\d", line) and not is_prose(line)]
     else:
         texts = dict(numbered(text))
-        broken = [i for i in broken if not is_prose(texts[i])]
+        broken = [i for i in broken if not (is_prose(texts[i]) and len(_WORD.findall(texts[i])) > _FEW_WORDS)]
     found, messages = _without_messages(found)
     if len(found) == 1 and isinstance(found[0][1], dict):
         table = of_values(found[0][1], path)
