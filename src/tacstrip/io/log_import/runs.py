@@ -40,6 +40,7 @@ _VOID_END = re.compile(
 )
 _USUAL = 0.6  # of the lines
 _FEW = 2  # lines
+_MARKS = " |,;:-([{"  # between what stands before the strips and the first of these
 _WORDS = 4  # that may be the strips'
 _SHOWN = 5
 
@@ -219,8 +220,9 @@ def _without_contact(line: str, strip: str, form: str) -> _Line | None:
     said = _LAST_WORDS.search(line)
     head = line[: said.start()] if said and says_nothing(said[1].strip()) else _VOID_END.sub("", line)
     head = head.rstrip()
-    made, fields = _of_head(head)
-    return _Line(head, made, fields, {strip: ("", "")}, (), "") if fields and made == form else None
+    made, fields = _of_head(head.rstrip(_MARKS))
+    alike = made == form.rstrip(_MARKS)  # what parts it from the first strip may be missing
+    return _Line(head, form, fields, {strip: ("", "")}, (), "") if fields and alike else None
 
 
 def _plain(void: re.Match[str]) -> bool:
