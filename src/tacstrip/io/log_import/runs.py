@@ -76,8 +76,10 @@ def of_runs(text: str) -> Table | None:
     strange = [n for n, line in best.items() if tuple(name for name, _ in line.fields) != heads]
     best = {n: line for n, line in best.items() if n not in strange}
     form, _ = Counter((line.form, line.rest) for line in best.values()).most_common(1)[0]
-    usual, often = Counter(tuple(line.pairs) for line in best.values()).most_common(1)[0]
-    touched_only = often <= _USUAL * len(best)  # else lines with other strips are cut
+    sets = [tuple(line.pairs) for line in best.values()]
+    usual, often = Counter(sets).most_common(1)[0]
+    # Else lines with other strips are cut, and these are the first ones of the usual.
+    touched_only = often <= _USUAL * len(best) or sum(s != usual[: len(s)] for s in sets) > _FEW
     cut = [n for n, line in best.items() if not touched_only and tuple(line.pairs) != usual]
     there = [(n, line) for n, line in every if touched_only and n not in best]
     voids = {n: made for n, line in there if (made := _without_contact(line, usual[0], form[0])) is not None}
