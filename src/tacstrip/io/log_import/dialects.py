@@ -9,12 +9,11 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.arrays import of_arrays
 from tacstrip.io.log_import.fields import number_of, says_nothing
 from tacstrip.io.log_import.gathered import touched_vary
 from tacstrip.io.log_import.strays import filled_lines
-from tacstrip.io.log_import.table import Table, of_records
+from tacstrip.io.log_import.table import ContradictionError, Table, of_records
 from tacstrip.io.log_import.yaml_text import of_yaml
 
 _STEADY = 0.8  # of the lines
@@ -119,7 +118,9 @@ def _named_arrays(text: str, path: str) -> Table | None:
         fields = _PLACE.sub(" ", m["body"]).replace(",", " ").split()
         values = [np.nan if says_nothing(f) or f == "NA" else number_of(f) for f in fields]
         if None in values or len(values) != int(np.prod(shape)):
-            raise ReadingError(f"{path}: {name} is said to be of {shape} numbers, and is not: is it cut?")
+            raise ContradictionError(
+                f"{path}: {name} is said to be of {shape} numbers, and is not: is it cut?"
+            )
         unit = _UNIT_OF.search(m.groupdict().get("behind") or "")
         arrays[f"{name} [{unit[1]}]" if unit else name] = (
             np.array(values, dtype=np.float64).reshape(shape).squeeze()

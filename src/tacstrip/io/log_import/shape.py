@@ -278,7 +278,7 @@ def _split_keys(table: Table) -> Table:
     """Split a column of names such as "3H", "vh[3]" or "S01 high" into strip and channel; take the strips of "S01"."""
     for name in table.names:
         fields = table.column(name)
-        if meaning(name).role in ("time", "strip") or any(
+        if meaning(name).role == "time" or any(
             number_of(f) is not None or clock_seconds(f) is not None for f in {*fields}
         ):
             continue
@@ -298,7 +298,12 @@ def _split_keys(table: Table) -> Table:
         if "" not in ends and all(fields):
             columns["channel"] = [kinds[f].channel for f in fields]
             return table.with_columns(columns, f"{name}: strip and channel in one, such as {fields[0]!r}")
-        if ends == {""} and len(kinds) >= _FEW_KEYS and any(m.channel for m in others):
+        if (
+            ends == {""}
+            and meaning(name).role != "strip"
+            and len(kinds) >= _FEW_KEYS
+            and any(m.channel for m in others)
+        ):
             return table.with_columns(columns, f"{name}: the strip, as in {next(filter(None, fields))!r}")
     return table
 
