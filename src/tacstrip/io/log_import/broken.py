@@ -22,7 +22,7 @@ from tacstrip.io.log_import.tokens import VALUE, parted
 from tacstrip.io.log_import.words import finder
 
 _NUMBERS = {mark: re.compile(rf"(?<![\w.])[-+]?\d+(?:\{mark}\d+)*(?!\w)") for mark in ".,"}
-_LETTERS = re.compile(r"[^\W\d_]+")
+_NAME = re.compile(r"[^\W\d_]\w*")
 _STAMP = re.compile(r"(?<!\w)\d+:\d+(?::\d+)?(?:[.,]\d+)?|\d{4}-\d\d-\d\d[T ]?")
 _FEW_VALUES = 0.5  # of those of other lines: a line with more may be a scan
 _GAP, _REGULAR = 1.5, 0.9  # times the usual step, part of the steps that are near it
@@ -182,20 +182,15 @@ def _is_remark(table: Table, line: int) -> bool:
 def _begins_within(table: Table, last: list[int]) -> bool:
     """Return whether the last line above all rows is the end of one, within which the log begins: of fewer values.
 
-    Its words are those of rows, but the first, which may be the end of one.
+    Its names are the last ones of rows, but for the first, which may be the end of one.
     """
     quote = "".join(table.quotes.get(n, "") for n in last)
-    known = {
-        w.casefold() for row in (table.names, *table.rows[:_FEW]) for f in row for w in _LETTERS.findall(f)
-    }
-    first, *words = [w.casefold() for w in _LETTERS.findall(quote)] or [""]
-    if not first and table.named:  # below names, so it is not the end that is there
+    first, *names = _NAME.findall(quote) or [""]
+    if not 0 < _values_of(quote, table.decimal) < _usual(table) or (not first and table.named):
         return False
-    return (
-        0 < _values_of(quote, table.decimal) < _usual(table)
-        and any(w.endswith(first) for w in (first, *known) if w in known)
-        and known.issuperset(words)
-    )
+    every = [found[0] for name in table.names if (found := _NAME.findall(name))]
+    at = len(every) - len(names)
+    return not first or (at > 0 and every[at:] == names and every[at - 1].endswith(first))
 
 
 def _parted_values(quote: str, decimal: str) -> int:

@@ -23,6 +23,7 @@ from tacstrip.io.log_import.xml_records import of_xml
 # Of a record that describes a column: what its name and its unit are called.
 _DESCRIBED = (("name", "label", "channel", "field", "key", "id"), ("unit", "units"))
 _WORD, _FEW_WORDS = re.compile(r"(?<!\S)[^\W\d_]{2,}[.,;:]?(?!\S)"), 2  # of a sentence; of no more than these
+_MOST_KEYS = 64  # of a strip
 _TUPLES = re.compile(r"(?m)^\(.*,\s*\(.*\)\)\s*$")  # within each other
 
 
@@ -122,6 +123,8 @@ def _with_untouched(found: Sequence[tuple[int, Any]]) -> list[tuple[int, Any]]:
     if len(names) != 1 or not there or all(e is not None for _, v in lists for e in v):
         return [*found]
     keys = dict.fromkeys(key for _, e in there for key in e)
+    if len(keys) > _MOST_KEYS:
+        return [*found]
     shifts = {key: {e[key] - n if isinstance(e.get(key), int) else None for n, e in there} for key in keys}
     counts = {key: shift for key, (shift, *others) in shifts.items() if shift is not None and not others}
     several = len({n for n, _ in there}) > 1
