@@ -150,7 +150,7 @@ def _may_be_cut(line: str, word: str, form: str) -> bool:
         or (
             bool(form)
             and begin.startswith(form)
-            and (re.search(r"\d", begin[len(form) :]) or not is_prose(line))
+            and bool(re.search(r"\d", begin[len(form) :]) or not is_prose(line))
         )
         or not re.search(r"[^\W\d_]{2}", line)
     )
