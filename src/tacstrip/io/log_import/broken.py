@@ -22,6 +22,7 @@ from tacstrip.io.log_import.tokens import VALUE, parted
 from tacstrip.io.log_import.words import finder
 
 _NUMBERS = {mark: re.compile(rf"(?<![\w.])[-+]?\d+(?:\{mark}\d+)*(?!\w)") for mark in ".,"}
+_CALLED = re.compile(r"(?<!\w)[^\W\d_]\w*\s*[:=]")  # the name of a value, and the digits in it
 _NAME = re.compile(r"[^\W\d_]\w*")
 _STAMP = re.compile(r"(?<!\w)\d+:\d+(?::\d+)?(?:[.,]\d+)?|\d{4}-\d\d-\d\d[T ]?")
 _FEW_VALUES = 0.5  # of those of other lines: a line with more may be a scan
@@ -194,7 +195,7 @@ def _begins_within(table: Table, last: list[int]) -> bool:
 
 
 def _parted_values(quote: str, decimal: str) -> int:
-    return parted(0, _STAMP.sub(" ", quote), decimal).form.count(VALUE)
+    return parted(0, _CALLED.sub(" ", _STAMP.sub(" ", quote)), decimal).form.count(VALUE)
 
 
 def _names_readings(table: Table, line: int) -> bool:
@@ -209,7 +210,7 @@ def _usual(table: Table) -> int:
 
 def _values_of(quote: str, decimal: str) -> int:
     """Return how many numbers and words for nothing a line holds, but for a time of day."""
-    plain = _STAMP.sub(" ", quote)
+    plain = _CALLED.sub(" ", _STAMP.sub(" ", quote))
     voids = sum(says_nothing(w) for w in re.split(r"[\s;,|]+", plain) if w)
     return len(_NUMBERS[decimal].findall(plain)) + voids
 

@@ -130,4 +130,5 @@ def _named_arrays(text: str, path: str) -> Table | None:
         return None
     step = _STEP.search(text)
     table = of_arrays(arrays, path, {"dt_s": float(step[1])} if step else {}, "arrays with names and sizes")
-    return replace(table, preamble=(*table.preamble, *(line for _, line in filled_lines(around))))
+    beside = [] if _ARRAYS[0].search(text) else filled_lines(around)  # Octave's are variables, too
+    return replace(table, preamble=(*table.preamble, *(line for _, line in beside)))
