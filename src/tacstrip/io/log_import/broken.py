@@ -22,9 +22,8 @@ from tacstrip.io.log_import.tokens import VALUE, parted
 from tacstrip.io.log_import.words import finder
 
 _NUMBERS = {mark: re.compile(rf"(?<![\w.])[-+]?\d+(?:\{mark}\d+)*(?!\w)") for mark in ".,"}
-_CALLED = re.compile(r"(?<!\w)[^\W\d_]\w*\s*[:=]")  # the name of a value, and the digits in it
 _NAME = re.compile(r"[^\W\d_]\w*")
-_STAMP = re.compile(r"(?<!\w)\d+:\d+(?::\d+)?(?:[.,]\d+)?|\d{4}-\d\d-\d\d[T ]?")
+_STAMP = re.compile(r"\d+:\d+(?::\d+)?(?:[.,]\d+)?|\d{4}-\d\d-\d\d[T ]?")
 _FEW_VALUES = 0.5  # of those of other lines: a line with more may be a scan
 _GAP, _REGULAR = 1.5, 0.9  # times the usual step, part of the steps that are near it
 _FEW, _WORDS = 3, 5  # scans; words of a sentence
@@ -186,16 +185,15 @@ def _begins_within(table: Table, last: list[int]) -> bool:
     Its names are the last ones of rows, but for the first, which may be the end of one.
     """
     quote = "".join(table.quotes.get(n, "") for n in last)
-    first, *names = _NAME.findall(quote) or [""]
-    if not 0 < _values_of(quote, table.decimal) < _usual(table) or (not first and table.named):
-        return False
     every = [found[0] for name in table.names if (found := _NAME.findall(name))]
+    if not (names := _NAME.findall(quote)):
+        return not table.named and 0 < _values_of(quote, table.decimal) < _usual(table)
     at = len(every) - len(names)
-    return not first or (at > 0 and every[at:] == names and every[at - 1].endswith(first))
+    return at > 0 and every[at + 1 :] == names[1:] and every[at].endswith(names[0])
 
 
 def _parted_values(quote: str, decimal: str) -> int:
-    return parted(0, _CALLED.sub(" ", _STAMP.sub(" ", quote)), decimal).form.count(VALUE)
+    return parted(0, _STAMP.sub(" ", quote), decimal).form.count(VALUE)
 
 
 def _names_readings(table: Table, line: int) -> bool:
@@ -210,7 +208,7 @@ def _usual(table: Table) -> int:
 
 def _values_of(quote: str, decimal: str) -> int:
     """Return how many numbers and words for nothing a line holds, but for a time of day."""
-    plain = _CALLED.sub(" ", _STAMP.sub(" ", quote))
+    plain = _STAMP.sub(" ", quote)
     voids = sum(says_nothing(w) for w in re.split(r"[\s;,|]+", plain) if w)
     return len(_NUMBERS[decimal].findall(plain)) + voids
 
