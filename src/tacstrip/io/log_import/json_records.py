@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import re
 from collections import Counter
@@ -23,6 +24,7 @@ from tacstrip.io.log_import.xml_records import of_xml
 # Of a record that describes a column: what its name and its unit are called.
 _DESCRIBED = (("name", "label", "channel", "field", "key", "id"), ("unit", "units"))
 _WORD, _FEW_WORDS = re.compile(r"(?<!\S)[^\W\d_]{2,}[.,;:]?(?!\S)"), 2  # of a sentence; of no more than these
+_FEW_ROWS = 5  # of the longest series: fewer pairs may be of strips
 _MOST_KEYS = 64  # of a strip
 _TUPLES = re.compile(r"(?m)^\(.*,\s*\(.*\)\)\s*$")  # within each other
 
@@ -360,7 +362,36 @@ def _exploded(record: Mapping[str, Any]) -> list[dict[str, str]]:
     if not inner:
         return [flattened("", dict(record))]
     outer = flattened("", {k: v for k, v in parts.items() if k != inner})
+    if key := _series_within(parts[inner]):
+        labels = [(element, {k: v for k, v in element.items() if k != key}) for element in parts[inner]]
+        rows = [
+            (time, outer | flattened(inner, said | {"time": time, "value": value}))
+            for element, said in labels
+            for time, value in element[key]
+        ]
+        return [row for _, row in sorted(rows, key=lambda r: r[0])]
     return [outer | flattened(inner, element) for element in parts[inner]]
+
+
+def _series_within(records: Sequence[Mapping[str, Any]]) -> str:
+    """Return the name of what each of several records has as a list of times that rise, with a value each; or "".
+
+    Examples
+    --------
+    >>> _series_within([{"strip": s, "values": [[t, str(0.1 * t)] for t in range(9)]} for s in (1, 2)])
+    'values'
+    """
+    keys = {k for r in records for k, v in r.items() if isinstance(v, list)}
+    lists: list[Any] = [r.get(k) for r in records for k in keys]
+    series = len(records) > 1 == len(keys) and all(map(_is_series, lists))
+    return keys.pop() if series and max(map(len, lists)) >= _FEW_ROWS else ""
+
+
+def _is_series(rows: Any) -> bool:
+    if not isinstance(rows, list) or not all(isinstance(r, list) and len(r) == 2 for r in rows):
+        return False
+    times: list[Any] = [r[0] for r in rows]
+    return all(isinstance(t, int | float) for t in times) and all(a < b for a, b in itertools.pairwise(times))
 
 
 def _list_within(record: Mapping[str, Any]) -> str:
