@@ -233,3 +233,31 @@ def test_rows_of_all_strips_are_not_taken_for_strips_in_turn() -> None:
     )
     rows = [",".join([str(i), *(f"{c},0" for c in _cells(scan, "0.0001"))]) for i, scan in enumerate(SCANS)]
     assert of_text(f"n,{names}\n" + "\n".join(rows) + "\n").of_content(4, 2) is None
+
+
+def test_a_series_of_each_strip_and_end_within_one_record() -> None:
+    series = [
+        {"metric": {"channel": end, "job": "skin", "strip": str(s)}, "values": values}
+        for k, end in enumerate(("high", "low"))
+        for s in range(4)
+        if (values := [[1706000000 + i, f"{scan[s][k]:.3f}"] for i, scan in enumerate(SCANS) if scan[s]])
+    ]
+    text = json.dumps({"status": "success", "data": {"resultType": "matrix", "result": series}})
+    found = propose(of_text(text), TWO, {"strip_base": "0"}, frozenset({"vref_volt"}))
+    touched = [i for i, scan in enumerate(SCANS) if any(scan)]
+    _right(found, touched, timed=False)
+
+
+def test_numbers_apart_below_the_rows_cost_no_scan() -> None:
+    rows = [
+        f"{0.05 * i:.2f},{s},{p[0]:.3f},{p[1]:.3f}"
+        for i, scan in enumerate(SCANS)
+        for s, p in enumerate(scan)
+        if p
+    ]
+    found = propose(
+        of_text("\n".join(["t_s,strip,v_h,v_l", *rows, "", "ans =", "", "   1.2360", ""])),
+        TWO,
+        {"strip_base": "0"},
+    )
+    _right(found, [i for i, scan in enumerate(SCANS) if any(scan)])

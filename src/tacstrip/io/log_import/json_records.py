@@ -365,7 +365,7 @@ def _exploded(record: Mapping[str, Any]) -> list[dict[str, str]]:
     if key := _series_within(parts[inner]):
         labels = [(element, {k: v for k, v in element.items() if k != key}) for element in parts[inner]]
         rows = [
-            (time, outer | flattened(inner, said | {"time": time, "value": value}))
+            (time, outer | flattened("", said | {"time": time, "value": value}))
             for element, said in labels
             for time, value in element[key]
         ]
