@@ -482,7 +482,7 @@ def _strips(clues: Clues, found: Columns) -> tuple[int, int]:
             base = said = told
             clues.because(f"strips are numbered from {base}, as the log says above them")
         elif clues.sensor and "strip_base" in (clues.stated or ()) and 0 < clues.sensor.strip_base <= low:
-            base = clues.sensor.strip_base  # which nobody writes unless it is so; 0 is the default
+            base = clues.sensor.strip_base  # which nobody writes unless it is so; 0 is what `init` writes
             clues.because(
                 f"strips are numbered {low} to {high}: taken as strip_base = {base}, as the spec says; else --answer "
                 f"strip_base={1 - base}"
@@ -492,7 +492,7 @@ def _strips(clues: Clues, found: Columns) -> tuple[int, int]:
                 "strip_base",
                 f"strips are numbered {low} to {high}: is the first one 0 or 1?"
                 + (
-                    " (strip_base = 0 of the spec, which may be no more than the default, tells nothing of the log)"
+                    " (strip_base = 0 of the spec, which `init` writes of itself, tells nothing of the log)"
                     if clues.sensor and "strip_base" in (clues.stated or ())
                     else ""
                 ),
