@@ -240,7 +240,11 @@ def test_a_series_of_each_strip_and_end_within_one_record() -> None:
         {"metric": {"channel": end, "job": "skin", "strip": str(s)}, "values": values}
         for k, end in enumerate(("high", "low"))
         for s in range(4)
-        if (values := [[1706000000 + i, f"{scan[s][k]:.3f}"] for i, scan in enumerate(SCANS) if scan[s]])
+        if (
+            values := [
+                [1706000000 + i, f"{pair[k]:.3f}"] for i, scan in enumerate(SCANS) if (pair := scan[s])
+            ]
+        )
     ]
     text = json.dumps({"status": "success", "data": {"resultType": "matrix", "result": series}})
     found = propose(of_text(text), TWO, {"strip_base": "0"}, frozenset({"vref_volt"}))
