@@ -35,7 +35,6 @@ from tacstrip.io.log_import.tokens import TIME, VALUE, WORD, Line, in_pairs, kin
 _FAR_OFF = 1.5  # times as rough: an assignment that is no rival
 _EXPLAINED = 0.8  # of the values that another assignment makes readings
 _FEW_SCANS = 4
-_STEADY = 0.8  # of the rows
 _BEGUN = 4  # values and marks that a damaged row has in common with the others, or more
 _ABOVE = 4  # lines that may hold the names
 _LONG = 72  # characters of a line that are quoted
@@ -71,12 +70,11 @@ class Column:
 
     @property
     def counts(self) -> bool:
-        """Whether it rises by always as much, where it has a number, as nearly all of it has."""
-        there = np.isfinite(self.numbers)
-        steps = np.diff(self.numbers[there])
+        """Whether it rises by always as much."""
+        steps = np.diff(self.numbers)
         return bool(
             len(steps) > 2
-            and np.mean(there) > _STEADY
+            and np.isfinite(steps).all()
             and steps[0] > 0.0
             and np.allclose(steps, steps[0], rtol=1e-6)
         )
@@ -159,12 +157,6 @@ def _best(
     Where rows are parts of lines, `empty` are lines that have none.
     """
     columns, read, lost = _columns(rows, lines, decimal)
-    # A word where all others count, as before a mean: no row.
-    counted = [c for c in columns if c.counts]
-    odd = {n for c in counted for n, text in enumerate(c.texts) if text and not np.isfinite(c.numbers[n])}
-    if odd:
-        rows = [row for n, row in enumerate(rows) if n not in odd]
-        columns, read, lost = _columns(rows, lines, decimal)
     if not columns or len(columns) > _MOST_COLUMNS:
         return None
     names = _names_above(rows[0], texts, columns)
