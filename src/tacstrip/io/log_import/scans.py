@@ -299,13 +299,18 @@ def _scans(
         keys = list(zip(strips, which or [""] * len(strips), strict=True))
         by_time = by_time or are_of_one_time(times.tolist(), keys)
 
+    # What stands below the rows with something else in between is of none.
+    every = {*table.lines}
+    consecutive = max(every) - min(every) == len(every) - 1
+    broken = [b for b in table.broken if not (consecutive and b > max(every) + 1)]
+
     def between(line: int, until: float) -> bool:
         return until < line < ended if backwards else ended < line < until
 
     def closed(scan: LogScan, until: float) -> Iterator[LogScan]:
         per_line = mapping.strip or mapping.which
         lacks = per_line and len(seen) < scan.values.size
-        if lacks and (mapping.missing == "skip" or any(between(b, until) for b in table.broken)):
+        if lacks and (mapping.missing == "skip" or any(between(b, until) for b in broken)):
             dropped.append(scan.line)
         else:
             yield _complete(scan, seen, mapping)

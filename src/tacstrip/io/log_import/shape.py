@@ -275,27 +275,41 @@ def _of_nothing(table: Table) -> Table:
 
 
 def _split_keys(table: Table) -> Table:
-    """Split a column of names such as "3H", "vh[3]" or "S01 high" into strip and channel."""
+    """Split a column of names such as "3H", "vh[3]" or "S01 high" into strip and channel; take the strips of "S01"."""
     for name in table.names:
         fields = table.column(name)
         if meaning(name).role == "time" or any(
             number_of(f) is not None or clock_seconds(f) is not None for f in {*fields}
         ):
             continue
-        kinds = meanings(sorted(set(fields)))
-        if len(kinds) < 2 or any(
-            m.role != "reading" or m.strip is None or not m.channel for m in kinds.values()
-        ):
+        kinds = meanings(sorted({*fields} - {""}))
+        if len(kinds) < 2 or any(m.role != "reading" or m.strip is None for m in kinds.values()):
             continue
+        ends = {m.channel for m in kinds.values()}
         if len({(m.strip, m.channel) for m in kinds.values()}) < len(kinds):
             continue
-        columns = {n: table.column(n) for n in table.names if n != name}
-        columns["strip"] = [str(kinds[f].strip) for f in fields]
-        columns["channel"] = [kinds[f].channel for f in fields]
-        if len(columns) < len(table.names) + 1:  # there is such a column already
-            continue
-        return table.with_columns(columns, f"{name}: strip and channel in one, such as {fields[0]!r}")
+        # What is another one with each of these says the same.
+        same = [n for n in table.names if n != name and _are_one_to_one(table.column(n), fields)]
+        columns = {n: table.column(n) for n in table.names if n not in (name, *same)}
+        others = meanings(tuple(columns)).values()
+        if any(m.role == "strip" or m.strip is not None for m in others) or "channel" in columns:
+            continue  # there is such a column already
+        columns["strip"] = ["" if not f else str(kinds[f].strip) for f in fields]
+        if "" not in ends and all(fields):
+            columns["channel"] = [kinds[f].channel for f in fields]
+            return table.with_columns(columns, f"{name}: strip and channel in one, such as {fields[0]!r}")
+        if (
+            ends == {""}
+            and meaning(name).role != "strip"
+            and len(kinds) >= _FEW_KEYS
+            and any(m.channel for m in others)
+        ):
+            return table.with_columns(columns, f"{name}: the strip, as in {next(filter(None, fields))!r}")
     return table
+
+
+def _are_one_to_one(one: list[str], other: list[str]) -> bool:
+    return len({*zip(one, other, strict=True)}) == len({*one}) == len({*other})
 
 
 def _filled(table: Table) -> Table:
