@@ -22,7 +22,8 @@ from tacstrip.tracking.objects import GUESS
 from tacstrip.tracking.result import STANDS
 from tacstrip.tracking.rigid.corners import Fit
 from tacstrip.tracking.rigid.fixed_lag import FixedLag, Known
-from tacstrip.tracking.rigid.rivals import about_other_rests, onto
+from tacstrip.tracking.rigid.pose_spread import beyond_the_bound
+from tacstrip.tracking.rigid.rivals import onto
 from tacstrip.tracking.rigid.search import FEW_STRIPS
 from tacstrip.tracking.stretches import MOST
 from tacstrip.tracking.summary import DEVIATIONS, tolerated_mm
@@ -117,12 +118,12 @@ class LiveTrack:
 
     @cached_property
     def pose_covariance(self) -> FloatArray:
-        """Of the pose (3, 3) [mm, mm, rad], with where else it may rest; NaN where it is not known."""
+        """Of the pose (3, 3) [mm, mm, rad], with all poses that explain the scan; NaN where it is not known."""
         if self._known is None or self._scan is None or not np.isfinite(self.pose[0]):
             return np.full((3, 3), np.nan)
         pose, scan = self.pose[None], self._scan
         fit = Fit(self.outline, pose, equations(scan, self.outline, pose, loss(scan)).costs)
-        return np.asarray(self._known.pose_covariance(scan, self.pose) + about_other_rests(scan, fit)[0])
+        return np.asarray(self._known.pose_covariance(scan, self.pose) + beyond_the_bound(scan, fit)[0])
 
     @property
     def _place_deviation_mm(self) -> float:
