@@ -13,12 +13,14 @@ import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.core.rigid import LEAST, RigidScans, fit_poses, loss
-from tacstrip.tracking.rigid.corners import Fit, poses_around
+from tacstrip.tracking.rigid.corners import Fit, steps_around
 from tacstrip.tracking.rigid.covariance import information
+from tacstrip.tracking.rigid.search import FEW_STRIPS
 
 _FREE = 12.0  # pitches^-2: what strips that touch tell of a pose anywhere within a gap between them
 _BLOCK = 256  # scans that are sampled at a time
-_DRAWS, _ROUNDS = 128, 6  # poses of a scan that are drawn in a round, and rounds at most
+_DRAWS = 192  # poses of a scan that are drawn in a round
+_LEAST_FEW, _LEAST, _MOST = 2, 1, 6  # rounds, at least of few strips and of others, and at most
 _ENOUGH, _FEWEST = 100.0, 24.0  # effective draws that end a scan's rounds, and that the next is drawn by
 _TAIL, _WIDER = 4.0, 1.5  # degrees of freedom of what is drawn from; times the covariance known so far
 _EVENED, _EVENINGS = 0.6, 9  # exponent of weights of which too few count, and how often it is taken
@@ -70,9 +72,10 @@ def _beyond_the_bound(scans: RigidScans, fit: Fit) -> FloatArray:
     random, total = np.random.default_rng(0), len(fit.poses)
     bound, covariance = _first_guess(scans, fit)
     mean, squares, left = np.zeros((total, 3)), np.zeros((total, 3, 3)), np.arange(total)
+    least = _LEAST_FEW if scans.strips_touched < FEW_STRIPS else _LEAST
     empty = np.empty((total, 0))
     draws = _Draws(np.empty((total, 0, 3)), empty, empty, [])
-    for _ in range(_ROUNDS):
+    for count in range(1, _MOST + 1):
         chi_square = random.chisquare(_TAIL, size=(_DRAWS // 2, 1))
         student = random.normal(size=(_DRAWS // 2, 3)) * np.sqrt(_TAIL / chi_square)
         part = Fit(fit.corners, fit.poses[left], fit.costs[left])
@@ -81,35 +84,33 @@ def _beyond_the_bound(scans: RigidScans, fit: Fit) -> FloatArray:
         weights, effective = _weights(logarithms)
         mean, covariance = _moments(draws.off, weights)
         squares[left] = covariance + mean[:, :, None] * mean[:, None]
-        again = effective < _ENOUGH
+        again = (effective < _ENOUGH) | (count < least)
         if not again.any():
             break
         draws, left, logarithms = draws.of(again), left[again], logarithms[again]
         for _ in range(_EVENINGS):
             weights, effective = _weights(logarithms)
-            logarithms[effective < _FEWEST] *= _EVENED
+            if not (few := effective < _FEWEST).any():
+                break
+            logarithms[few] *= _EVENED
         mean, covariance = _moments(draws.off, weights)
     value, vector = np.linalg.eigh(squares - bound)  # a region is no smaller for what else may be
     return np.asarray((vector * np.maximum(value, 0.0)[:, None]) @ vector.transpose(0, 2, 1))
 
 
 def _first_guess(scans: RigidScans, fit: Fit) -> tuple[FloatArray, FloatArray]:
-    """Return the bound at the fit's poses, the outline known, and a covariance to draw from (T, 3, 3).
+    """Return the bound at the fit's poses, the outline known, and the mean of those beside them (T, 3, 3).
 
-    The latter about where descents end from beside the fit, with their bounds: at a kink the fit's own is too narrow.
+    At a kink the fit's own may be much narrower than what is likely.
     """
-    poses, costs = poses_around(scans, fit)
-    poses = np.concatenate([fit.poses[:, None], poses], axis=1)  # (T, K, 3)
-    costs = np.concatenate([fit.costs[:, None], costs], axis=1)
-    total, count = costs.shape
+    beside = np.vstack([np.zeros(3), steps_around(fit.corners, scans.sensor.pitch_mm)])
+    poses = fit.poses[:, None] + beside
+    total, count = poses.shape[:2]
     again = scans.of(np.repeat(np.arange(total), count))
     known = information(again, fit.corners, poses.reshape(-1, 3)).pose.reshape(total, count, 3, 3)
     known = known + np.diag(_FREE * np.array([1.0, 1.0, 0.0]) / scans.sensor.pitch_mm**2) + LEAST * np.eye(3)
     bounds = np.linalg.inv(known)
-    odds = np.exp(-0.25 * (costs - costs.min(axis=1, keepdims=True)))
-    odds /= odds.sum(axis=1, keepdims=True)
-    off = poses - fit.poses[:, None]
-    return bounds[:, 0], np.einsum("tk,tkij->tij", odds, bounds + off[..., :, None] * off[..., None, :])
+    return bounds[:, 0], bounds.mean(axis=1)
 
 
 def _with_more(
