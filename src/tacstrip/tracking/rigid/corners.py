@@ -170,15 +170,10 @@ def unstuck(scans: RigidScans, fit: Fit) -> Fit:
 
 def poses_around(scans: RigidScans, fit: Fit) -> tuple[FloatArray, FloatArray]:
     """Return where descents of single poses end, from near and farther away (T, K, 3), and their costs (T, K)."""
-    starts = fit.poses[:, None] + steps_around(fit.corners, scans.sensor.pitch_mm)
+    radius = float(np.hypot(*(fit.corners - fit.corners.mean(axis=0)).T).max())
+    far = _AROUND * scans.sensor.pitch_mm * np.array([1.0, 1.0, 1.5 / radius])
+    starts = fit.poses[:, None] + np.concatenate([jiggles(scans.sensor.pitch_mm), far])
     return fit_poses(scans, fit.corners, starts, loss(scans))
-
-
-def steps_around(corners: FloatArray, pitch_mm: float) -> FloatArray:
-    """Return steps of an outline's pose (K, 3), near and farther away."""
-    radius = float(np.hypot(*(corners - corners.mean(axis=0)).T).max())
-    far = _AROUND * pitch_mm * np.array([1.0, 1.0, 1.5 / radius])
-    return np.concatenate([jiggles(pitch_mm), far])
 
 
 def recounted(scans: RigidScans, fit: Fit) -> tuple[Fit, list[Fit]]:

@@ -13,12 +13,13 @@ import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.core.rigid import LEAST, RigidScans, fit_poses, loss
-from tacstrip.tracking.rigid.corners import Fit, steps_around
+from tacstrip.tracking.rigid.corners import Fit
 from tacstrip.tracking.rigid.covariance import information
 from tacstrip.tracking.rigid.search import FEW_STRIPS
 
 _FREE = 12.0  # pitches^-2: what strips that touch tell of a pose anywhere within a gap between them
 _BLOCK = 256  # scans that are sampled at a time
+_BESIDE, _BESIDE_TURNED = 0.2, 0.3  # pitches, along an axis and of the outline's corners: poses at no kink
 _DRAWS = 192  # poses of a scan that are drawn in a round
 _LEAST_FEW, _LEAST, _MOST = 2, 1, 6  # rounds, at least of few strips and of others, and at most
 _ENOUGH, _FEWEST = 100.0, 24.0  # effective draws that end a scan's rounds, and that the next is drawn by
@@ -103,8 +104,9 @@ def _first_guess(scans: RigidScans, fit: Fit) -> tuple[FloatArray, FloatArray]:
 
     At a kink the fit's own may be much narrower than what is likely.
     """
-    beside = np.vstack([np.zeros(3), steps_around(fit.corners, scans.sensor.pitch_mm)])
-    poses = fit.poses[:, None] + beside
+    radius = float(np.hypot(*(fit.corners - fit.corners.mean(axis=0)).T).max())
+    axes = scans.sensor.pitch_mm * np.diag([_BESIDE, _BESIDE, _BESIDE_TURNED / radius])
+    poses = fit.poses[:, None] + np.vstack([np.zeros(3), axes, -axes])
     total, count = poses.shape[:2]
     again = scans.of(np.repeat(np.arange(total), count))
     known = information(again, fit.corners, poses.reshape(-1, 3)).pose.reshape(total, count, 3, 3)
