@@ -22,7 +22,7 @@ from tacstrip.tracking.episodes import Episode
 from tacstrip.tracking.live_contact import LiveContact, Stream
 from tacstrip.tracking.live_search import Contact, KnownShape, find_shape
 from tacstrip.tracking.rigid.corners import Fit
-from tacstrip.tracking.rigid.covariance import covariances, information
+from tacstrip.tracking.rigid.covariance import covariances, information, rigid_motions
 from tacstrip.tracking.rigid.fixed_lag import FixedLag
 
 NOISE = ts.Noise(positional=0.005)
@@ -161,6 +161,20 @@ def test_a_scan_that_leaves_a_corner_anywhere_in_a_gap_is_doubted() -> None:
         assert track is not None
         said.append((track.status, "anywhere within a gap" in track.advice))
     assert said == [("doubtful", True), ("doubtful", True), ("ok", False)]
+
+
+def test_a_motion_left_in_the_covariance_does_not_hold_the_pose() -> None:
+    """Corners that moved on since a search leave some of a turn in what it found; of the shape it says nothing."""
+    poses = of_mean(sliding(25))
+    lag = FixedLag(ten_strips(), NAMES, SIGMA, OWN)
+    k = readings(pressed(ten_strips(), OWN, poses, NOISE, 3))
+    lag.begin(k, poses)
+    known, scan = lag.known, lag.of(k[-1:])
+    turn = rigid_motions(known.corners)[:, 2:]
+    turned = replace(known, wider=known.wider + 1e-12 * turn @ turn.T)
+    own, with_turn = (one.pose_covariance(scan, poses[-1]) for one in (known, turned))
+    assert np.sqrt(own[2, 2]) > 1e-3  # radians
+    np.testing.assert_allclose(with_turn, own, rtol=1e-6)
 
 
 def known_contact(stream: Stream, corners: FloatArray) -> LiveContact:
