@@ -19,6 +19,7 @@ import pytest
 import tacstrip as ts
 from live_devices import SENSOR
 from tacstrip.interrupt import worker_processes
+from tacstrip.reconstruction.result import Alternative
 from tacstrip.stream import RawScan
 from tacstrip.stream.live.bounded_queue import BoundedQueue
 from tacstrip.stream.live.pipeline import Live
@@ -440,19 +441,10 @@ def test_a_picture_is_json_with_no_nan() -> None:
 def test_other_outlines_that_explain_all_scans_are_told_where_they_lie() -> None:
     square = np.array([(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)])
     pose, nowhere = np.array([30.0, 40.0, np.pi / 2.0]), np.full(3, np.nan)
-    others = (ts.Alternative(0.25, 2.0 * square),)
+    others = (Alternative(0.25, 2.0 * square),)
     shown = ts.LiveTrack(1, square, pose, nowhere, 0.0, 20, "doubtful", "open", others)
-    told = frame_json(
-        ts.Frame(
-            3,
-            RawScan(0.0, {}, np.zeros(0, bool)),
-            SENSOR,
-            None,
-            (),
-            0.0,
-            0.0,
-            tracks=(shown, replace(shown, pose=nowhere)),
-        )
-    )["tracks"]
+    scan = ts.simulate(SENSOR, ts.Contact.polygon(square + 30.0))
+    tracks, raw = (shown, replace(shown, pose=nowhere)), RawScan(0.0, {}, scan.touched)
+    told = frame_json(ts.Frame(3, raw, SENSOR, scan, (), 0.0, 0.0, tracks=tracks))["tracks"]
     assert told[0]["alternatives"] == [{"weight": 0.25, "vertices": [[30, 40], [30, 60], [10, 60], [10, 40]]}]
     assert (told[1]["vertices"], told[1]["alternatives"]) == ([], [])
