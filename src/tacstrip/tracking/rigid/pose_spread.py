@@ -111,8 +111,8 @@ def _first_guess(scans: RigidScans, fit: Fit) -> tuple[FloatArray, FloatArray]:
     again = scans.of(np.repeat(np.arange(total), count))
     known = information(again, fit.corners, poses.reshape(-1, 3)).pose.reshape(total, count, 3, 3)
     known = known + np.diag(_FREE * np.array([1.0, 1.0, 0.0]) / scans.sensor.pitch_mm**2) + LEAST * np.eye(3)
-    bounds: FloatArray = np.linalg.inv(known)
-    return bounds[:, 0], bounds.mean(axis=1)
+    bounds = np.asarray(np.linalg.inv(known), dtype=np.float64)
+    return bounds[:, 0], np.asarray(bounds.mean(axis=1))
 
 
 def _with_more(
