@@ -208,6 +208,28 @@ def test_objects_that_look_alike_and_met_get_new_numbers() -> None:
     assert said == [(1, 2, 3), (1, 2, 3), (4, 5, 3)]
 
 
+@pytest.mark.parametrize(
+    ("partner", "number", "known"),
+    [("unknown", 3, True), ("a corner more", 3, True), ("larger", 3, False), ("other", 1, True)],
+)
+def test_what_may_be_the_other_after_they_met_is_said(partner: str, number: int, known: bool) -> None:
+    """Also where its shape is not known yet or has another count of corners; a shape that may be the other's is left."""
+    stream = Stream(ten_strips(), NAMES, "normal", 20, None, SIGMA)
+    shapes = {
+        "unknown": OWN,
+        "a corner more": np.insert(OWN, 1, 0.5 * (OWN[0] + OWN[1]) + 0.05, axis=0),
+        "larger": 1.06 * OWN,
+        "other": np.array([(-25.0, -20.0), (25.0, -20.0), (0.0, 28.0)]),
+    }
+    one, two = known_contact(stream, OWN), known_contact(stream, shapes[partner])
+    if partner == "unknown":
+        two._shape = None
+    (k,) = readings(pressed(ten_strips(), OWN, sliding(13)[-1:], NOISE, 1))
+    one.shared(k, 0.0, [two])
+    found = one.step(k, 0.1)
+    assert (one.id, found is not None) == (number, known)
+
+
 def test_a_shape_is_as_uncertain_as_its_search_said() -> None:
     """More than by the bound alone; further scans make both surer alike."""
     sensor, poses = ten_strips(), of_mean(sliding(40))

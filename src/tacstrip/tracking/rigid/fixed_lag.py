@@ -61,6 +61,11 @@ class Known:
         """Of the corners, of their shape alone (2 N, 2 N) [mm^2]."""
         return np.asarray(self.bound + np.trace(self.bound) * self.wider)
 
+    @property
+    def corner_deviation_mm(self) -> float:
+        """Standard deviation of the corner that is known least [mm]."""
+        return math.sqrt(float(self.covariance.diagonal().reshape(-1, 2).sum(axis=1).max()))
+
     def pose_covariance(self, scan: RigidScans, pose: FloatArray) -> FloatArray:
         """Return that of the pose (3,) of a scan beside these (3, 3)."""
         # What is left of a motion as a whole in the covariance must not hold the pose.

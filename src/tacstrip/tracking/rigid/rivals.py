@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import shapely
+import shapely.affinity
 
 from tacstrip.arrays import FloatArray
 from tacstrip.core.rigid import RigidScans
@@ -28,6 +29,7 @@ _STEPS, _SETTLED = 10, 3  # of each descent from a corner cut off, and how many 
 _GAIN = 1.0  # of chi square, by an edge that is open: noise gives its two numbers two on average
 # Of the extent, and radians: edges and corners that stand for themselves.
 _CLEAR_EDGE, _CLEAR_TURN = 0.12, 0.26
+_TURNS = ((math.pi, 73), (0.09, 19), (0.01, 11))  # radians, to either side, and how many: coarse to fine
 _TURNED = 0.5  # radians: a rival is not another pose, but another corner called the first
 
 
@@ -150,3 +152,21 @@ def onto(corners: FloatArray, to: FloatArray) -> tuple[int, FloatArray, FloatArr
         if far < least:
             best, least = (first, turn, a @ turn.T), far
     return best
+
+
+def apart_mm(one: FloatArray, other: FloatArray) -> float:
+    """Return how far two outlines (N, 2) and (M, 2) [mm] are from each other, laid on each other: Hausdorff's distance.
+
+    About their centroids, at the turn where it is least.
+    """
+    own, fixed = (shapely.Polygon(o).buffer(0) for o in (one, other))
+    centred = one - np.array(own.centroid.coords[0])
+    fixed = shapely.affinity.translate(fixed, -fixed.centroid.x, -fixed.centroid.y)
+    turn, least = 0.0, math.inf
+    for reach, count in _TURNS:
+        angles = turn + np.linspace(-reach, reach, count)
+        cos, sin = np.cos(angles), np.sin(angles)
+        turned = centred @ np.stack([np.stack([cos, sin], axis=1), np.stack([-sin, cos], axis=1)], axis=1)
+        far = shapely.hausdorff_distance(shapely.polygons(turned), fixed)
+        turn, least = float(angles[far.argmin()]), min(least, float(far.min()))
+    return least
