@@ -213,7 +213,7 @@ def test_objects_that_look_alike_and_met_get_new_numbers() -> None:
     [("unknown", 3, True), ("a corner more", 3, True), ("larger", 3, False), ("other", 1, True)],
 )
 def test_what_may_be_the_other_after_they_met_is_said(partner: str, number: int, known: bool) -> None:
-    """Also where its shape is not known yet or has another count of corners; a shape that may be the other's is left."""
+    """Also where its shape is not known yet or has another count of corners; one that may be the other's is left."""
     stream = Stream(ten_strips(), NAMES, "normal", 20, None, SIGMA)
     shapes = {
         "unknown": OWN,
