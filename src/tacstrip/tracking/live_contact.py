@@ -62,7 +62,7 @@ class LiveTrack:
     ----------
     id
         Its number, counted from 1. One that is lifted and pressed again keeps it where its shape is recognised; what
-        its shape explains no more has a new one, as have objects that look alike after they met.
+        its shape explains no more has a new one, as have objects after they met that may be each other.
     outline
         Corners (N, 2) [mm], counter-clockwise, in the object's frame; none where no shape is known.
     pose
