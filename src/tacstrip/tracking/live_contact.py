@@ -274,8 +274,10 @@ class LiveContact:
         self._shape: KnownShape | None = None
         self._bad: list[FloatArray] = []
         self._proof, self._since, self._alarm = 0, 0, ""
-        self._met: list[LiveContact] = []  # that it shares strips with; whether one of them looks like it
-        self._alike = self._unlike = False  # ... and its own shape may not be that of the other
+        self._met: list[LiveContact] = []  # that it shares strips with
+        self._alike = self._unlike = (
+            False  # it may be one of them; and then its shape, or scans, may not be its own
+        )
         self._doubted = False  # the shape explains no more what comes; a search tells whether another does
 
     @property
@@ -304,22 +306,23 @@ class LiveContact:
 
     def shared(self, k: FloatArray, time_s: float, others: list[LiveContact]) -> LiveTrack | None:
         """Return the object of a scan in which it shares its strips with others."""
-        self._alike |= any(self._looks_like(other) for other in others if other not in self._met)
-        self._met = [*self._met, *(other for other in others if other not in self._met)]
+        for other in others:
+            if other not in self._met:
+                self._met.append(other)
+                self._compare_with(other)
         return self._track(k, time_s, _JOINT)
 
-    def _looks_like(self, other: LiveContact) -> bool:
-        """Whether it may be the other once they met: what has no shape yet may look like anything."""
+    def _compare_with(self, other: LiveContact) -> None:
+        """Note whether it may be another that it met: what has no shape yet may look like anything."""
         if self._shape is None or other._shape is None:
-            self._unlike |= self._shape is None
-            return True
+            self._alike, self._unlike = True, self._unlike or self._shape is None
+            return
         sensor, lags = self._stream.sensor, (self._shape.lag, other._shape.lag)
         off = apart_mm(lags[0].corners, lags[1].corners)
         deviations = [lag.known.corner_deviation_mm for lag in lags]
         each = zip(lags, deviations, strict=True)
-        alike = off < sum(max(tolerated_mm(sensor, lag.corners), DEVIATIONS * far) for lag, far in each)
-        self._unlike |= alike and off > DEVIATIONS * math.hypot(*deviations)
-        return alike
+        if off < sum(max(tolerated_mm(sensor, lag.corners), DEVIATIONS * far) for lag, far in each):
+            self._alike, self._unlike = True, self._unlike or off > DEVIATIONS * math.hypot(*deviations)
 
     def _followed(self, k: FloatArray, time_s: float) -> bool:
         """Take a scan by the present shape; return whether that explains it, or there is none."""
