@@ -40,8 +40,8 @@ from tacstrip.tracking.rigid.covariance import (
 )
 from tacstrip.tracking.rigid.found import Found
 from tacstrip.tracking.rigid.offsets import Offsets, channel_offsets, not_ruled_out, with_offsets
+from tacstrip.tracking.rigid.pose_spread import beyond_the_bound
 from tacstrip.tracking.rigid.rivals import (
-    about_other_rests,
     beside_rivals,
     notch_gain,
     poses_beside_rivals,
@@ -333,10 +333,17 @@ def test_a_pose_at_a_kink_may_lie_in_the_valley_beside_it() -> None:
     fit = fitted(scans, bar, pose[None], 0)
     own = np.linalg.inv(information(scans, bar, pose[None]).pose[0])
     assert math.sqrt(own[0, 0]) < 1.0  # mm
-    added = about_other_rests(scans, fit)[0]
-    assert 2.0 < math.sqrt(added[0, 0]) < 4.0
+    added = beyond_the_bound(scans, fit)[0]
+    every = np.stack(
+        np.meshgrid(np.linspace(-9.0, 9.0, 91), np.linspace(-1.5, 1.5, 31), np.linspace(-0.06, 0.06, 31))
+    )
+    every = np.ascontiguousarray(every.reshape(3, -1).T)
+    costs = fit_poses(scans, bar, (pose + every)[None], loss(scans), 0)[1][0]
+    odds = np.exp(-0.5 * (costs - costs.min()))
+    spread = np.sqrt((odds @ every**2) / odds.sum())  # about the best, by a sum over a grid
+    np.testing.assert_allclose(np.sqrt(own.diagonal() + added.diagonal()), spread, rtol=0.15)
     many = RigidScans(sensor, scans.names, np.repeat(scans.k, 300, axis=0), scans.sigma)  # more than a block
-    again = about_other_rests(many, Fit(bar, np.tile(pose, (300, 1)), np.tile(fit.costs, 300)))
+    again = beyond_the_bound(many, Fit(bar, np.tile(pose, (300, 1)), np.tile(fit.costs, 300)))
     np.testing.assert_allclose(again, np.tile(added, (300, 1, 1)), rtol=1e-9, atol=1e-12)
 
 

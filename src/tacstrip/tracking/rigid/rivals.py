@@ -6,31 +6,30 @@ import math
 
 import numpy as np
 import shapely
+import shapely.affinity
 
 from tacstrip.arrays import FloatArray
-from tacstrip.core.rigid import LEAST, RigidScans
+from tacstrip.core.rigid import RigidScans
 from tacstrip.tracking.rigid.corners import (
     Fit,
     corners_cut,
     edges_and_turns,
     fitted,
     posed,
-    poses_around,
     reflex,
     settled,
 )
 from tacstrip.tracking.rigid.covariance import covariances, information, rigid_motions
 from tacstrip.tracking.rigid.found import Found, carried
 from tacstrip.tracking.rigid.offsets import with_offsets
+from tacstrip.tracking.rigid.pose_spread import beyond_the_bound
 from tacstrip.tracking.rigid.search import freer_spline
 
-_ANOTHER = 0.5  # squared deviations from the others: a place of its own where a pose may rest
-_FREE = 12.0  # pitches^-2: what strips that touch tell of a pose anywhere within a gap between them
-_BLOCK = 256  # scans whose rests are compared at a time: their readings are taken once for each
 _STEPS, _SETTLED = 10, 3  # of each descent from a corner cut off, and how many of these are settled
 _GAIN = 1.0  # of chi square, by an edge that is open: noise gives its two numbers two on average
 # Of the extent, and radians: edges and corners that stand for themselves.
 _CLEAR_EDGE, _CLEAR_TURN = 0.12, 0.26
+_TURNS = ((math.pi, 73), (0.09, 19), (0.01, 11))  # radians, to either side, and how many: coarse to fine
 _TURNED = 0.5  # radians: a rival is not another pose, but another corner called the first
 
 
@@ -63,11 +62,10 @@ def beside_rivals(scans: RigidScans, found: Found, shape: FloatArray, deviation:
 def poses_beside_rivals(scans: RigidScans, found: Found, covariances: FloatArray) -> FloatArray:
     """Return covariances (T, 3, 3) of the fit's poses, `covariances` where the readings leave each but one place.
 
-    Likewise of mixtures: about where else a scan's pose may rest, beside a kink where a corner passes a strip, and
-    about the poses of rivals.
+    Free poses with the spread of all that explain their scan, and about the poses of rivals, likewise of mixtures.
     """
     fit = found.fit
-    every = covariances if fit.basis is not None else covariances + about_other_rests(scans, fit)
+    every = covariances if fit.basis is not None else covariances + beyond_the_bound(scans, fit)
     own, middle = fit.corners - fit.corners.mean(axis=0), fit.corners.mean(axis=0)
     total, spread = 1.0, np.zeros_like(covariances)
     for rival, worse_by in found.rivals:
@@ -120,44 +118,6 @@ def notch_gain(scans: RigidScans, fit: Fit, far_mm: float) -> float:
     return least
 
 
-def about_other_rests(scans: RigidScans, fit: Fit) -> FloatArray:
-    """Return what a scan's pose resting elsewhere adds to its covariance (T, 3, 3).
-
-    A mixture of normal distributions, each with the odds of its cost and the volume of its covariance (Laplace): beside
-    a kink that holds a corner exactly there may lie a valley that costs more, and of which far more is likely.
-    """
-    every = np.arange(len(fit.poses))
-    some = [every[i : i + _BLOCK] for i in range(0, len(every), _BLOCK)]
-    return np.concatenate([_about_other_rests(scans.of(own), fit.of(own)) for own in some])
-
-
-def _about_other_rests(scans: RigidScans, fit: Fit) -> FloatArray:
-    poses, costs = poses_around(scans, fit)
-    order = np.argsort(costs, axis=1, kind="stable")
-    rows = np.arange(len(costs))[:, None]
-    poses = np.concatenate(
-        [fit.poses[:, None], poses[rows, order]], axis=1
-    )  # (T, K, 3): the fit's, then the best
-    costs = np.concatenate([fit.costs[:, None], costs[rows, order]], axis=1)
-    total, count = costs.shape
-    again = scans.of(np.repeat(np.arange(total), count))
-    known = information(again, fit.corners, poses.reshape(-1, 3)).pose.reshape(total, count, 3, 3)
-    known = known + np.diag(_FREE * np.array([1.0, 1.0, 0.0]) / scans.sensor.pitch_mm**2) + LEAST * np.eye(3)
-    steps = poses[:, :, None] - poses[:, None]  # (T, K, K, 3)
-    apart = np.einsum("tkli,tkij,tklj->tkl", steps, known, steps) > _ANOTHER
-    apart |= apart.transpose(0, 2, 1)
-    kept = np.zeros(costs.shape, dtype=bool)
-    for i in range(count):
-        kept[:, i] = (apart[:, i] | ~kept).all(axis=1)
-    covariance = np.linalg.inv(known)
-    volume = np.sqrt(np.linalg.det(covariance))
-    odds = np.where(kept, volume * np.exp(-0.5 * np.maximum(costs - costs[:, :1], 0.0)), 0.0)
-    odds /= odds.sum(axis=1, keepdims=True)
-    mixed = np.einsum("tk,tkij->tij", odds, covariance + _squares(poses - poses[:, :1]))
-    value, vector = np.linalg.eigh(mixed - covariance[:, 0])  # a region is no smaller for what else may be
-    return np.asarray((vector * np.maximum(value, 0.0)[:, None]) @ vector.transpose(0, 2, 1))
-
-
 def _squares(steps: FloatArray) -> FloatArray:
     return np.asarray(steps[..., :, None] * steps[..., None, :])
 
@@ -174,3 +134,21 @@ def onto(corners: FloatArray, to: FloatArray) -> tuple[int, FloatArray, FloatArr
         if far < least:
             best, least = (first, turn, a @ turn.T), far
     return best
+
+
+def apart_mm(one: FloatArray, other: FloatArray) -> float:
+    """Return how far two outlines (N, 2) and (M, 2) [mm] are from each other, laid on each other: Hausdorff's distance.
+
+    About their centroids, at the turn where it is least.
+    """
+    own, fixed = (shapely.Polygon(o).buffer(0) for o in (one, other))
+    centred = one - np.array(own.centroid.coords[0])
+    fixed = shapely.affinity.translate(fixed, -fixed.centroid.x, -fixed.centroid.y)
+    turn, least = 0.0, math.inf
+    for reach, count in _TURNS:
+        angles = turn + np.linspace(-reach, reach, count)
+        cos, sin = np.cos(angles), np.sin(angles)
+        turned = centred @ np.stack([np.stack([cos, sin], axis=1), np.stack([-sin, cos], axis=1)], axis=1)
+        far = shapely.hausdorff_distance(shapely.polygons(turned), fixed)
+        turn, least = float(angles[far.argmin()]), min(least, float(far.min()))
+    return least
