@@ -34,6 +34,7 @@ from tacstrip.reconstruction.polygon.run import (
     fit_runs,
     gain_of_one,
 )
+from tacstrip.reconstruction.polygon.unknown_noise import noise_beside_jumps
 from tacstrip.reconstruction.polygon.wide_fit import fitted_to_wide_strips
 from tacstrip.reconstruction.posterior.assessment import HELD_STRIPS, Effort, check_effort
 from tacstrip.reconstruction.result import Reconstruction
@@ -305,6 +306,9 @@ def _contacts(
             corners = again.residual_sums[0] <= again.problem.readings
             if again.selection is not None and (corners or run.outline is None):  # nor does a width
                 run = again
+        if sigma is None and len(readings) > 1 and (less := noise_beside_jumps(run, sensor, readings)) is not None:
+            again = runs_of([readings], less)[0]
+            run = run if again.selection is None else again
         run = run if sigma is not None else _at_least_a_step(run, sensor)
         return FittedContact(strips, missing, fitted, readings, margin_mm, vertices, run)
 
