@@ -1,8 +1,8 @@
-"""Noise that nobody gave, where what passes for it in one polygon may be jumps of l and u.
+"""Noise that nobody gave, where what passes for it in a polygon of few corners may be jumps of l and u.
 
-Straight lines along l and u, which may jump from one to the next, explain two objects, or a concave one, by less noise
-than a polygon of few corners. Both are compared as wholes, by the probability of all readings: every number that lines
-take costs, and the noise has bounds, the converter's step below.
+Straight lines along l and u, which may jump from one to the next, explain two objects, or a concave one, by less noise.
+Lines and polygon are compared as wholes, by the probability of all readings: each number that a model takes costs, and
+noise has bounds, of which the lower one is the converter's step.
 """
 
 from __future__ import annotations
@@ -12,56 +12,71 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.core.convex_chain import best_lines
 from tacstrip.reconstruction.contact_ends import closed_ends, end_deviations
 from tacstrip.reconstruction.polygon.convexity import nearest_convex
-from tacstrip.reconstruction.polygon.faulty_channel import contradictory
+from tacstrip.reconstruction.polygon.faulty_channel import MOST_STRIPS, contradictory
 from tacstrip.reconstruction.polygon.run import MOST_SIGMA, RunFit
 from tacstrip.sensor.spec import Sensor
 
-_LEAST = 5e-4  # of Vref: no sensor that works has less
+_LEAST_SIGMA = 5e-4  # of Vref: no sensor that works has less
 _LESS = 0.7  # of the polygon's noise: what is nearer to it changes nothing
-_STEP = 1.4  # from one noise that is tried to the next
-_WITHIN = 0.1  # of Vref: the range of what a line's number may be
-_OUTLIER = 0.01  # how often a reading is one
-_ONE = 4.0  # times as frequent as others: one convex object
+_HALF = 0.5  # from one noise at which lines are found to the next
+_RANGE = 0.1  # of Vref, of a number of a model
+_LEFT_OUT = 0.01  # of readings: how many are strays
+_ONE = 4.0  # one convex object is so many times as frequent as others
 
 
 def noise_beside_jumps(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray]) -> float | None:
-    """Return the noise [Vref] that straight lines along l and u leave, None where one convex outline does as well.
+    """Return the noise [Vref] that lines leave over of few strips; None where one convex outline is as likely.
 
     Parameters
     ----------
     run
-        A fit to both signatures, which estimated its noise.
+        A polygon, or an ellipse, fitted to both signatures, which estimated its noise.
     sensor, readings
         What measured them; signature to (n,) over Vref.
     """
-    if run.model is None or run.singled_out is not None or not _LEAST < run.sigma * _LESS < MOST_SIGMA * _LESS:
+    least = max(_LEAST_SIGMA, sensor.adc_step / math.sqrt(12.0))
+    told = run.problem.x.size > MOST_STRIPS or run.singled_out is not None
+    if run.model is None or told or not least < _LESS * run.sigma < _LESS * MOST_SIGMA:
         return None
-    least = max(_LEAST, sensor.adc_step / math.sqrt(12.0))
     faulty = contradictory(run, sensor, readings)
+    found, probability = _of_lines(run, sensor, readings, faulty, least)
+    freedom, left_out = run.freedom, np.count_nonzero(run.excluded & ~faulty)
+    numbers = run.problem.readings - freedom
+    of_one = math.log(_ONE) + _log_probability(run.squares, freedom, numbers, run.sigma)
+    if found > _LESS * run.sigma or probability < of_one + left_out * math.log(_LEFT_OUT):
+        return None
+    nearest = nearest_convex(run, sensor, readings, faulty, found)
+    return None if nearest is None or nearest[1].explains else found
+
+
+def _of_lines(
+    run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray], faulty: BoolArray, least: float
+) -> tuple[float, float]:
+    """Return the likeliest noise [Vref], `least` or more, beside lines along l and u, and its log probability."""
     with np.errstate(divide="ignore", invalid="ignore"):
         ends = np.stack(closed_ends(sensor, readings["kh"], readings["kl"]))
     used = np.isfinite(ends).all(axis=0) & ~faulty.any(axis=0)
     x, ends = run.problem.x[used], ends[:, used]
     if not x.size:
-        return None
-    spread = np.stack(end_deviations(sensor, *ends, 1.0))
-    left_out = np.count_nonzero(run.excluded & used)
-    numbers = run.problem.readings - run.freedom
-    best = math.log(_ONE) - 0.5 * run.freedom - run.freedom * math.log(run.sigma) - numbers * math.log(_WITHIN)
-    best += left_out * math.log(_OUTLIER)
-    found, sigma = None, _LESS * run.sigma
-    while sigma >= least:
-        per_line = 4.0 * math.log(_WITHIN / sigma)  # of its two numbers
-        cost = sum(best_lines(x, y, (of * sigma) ** -2.0, per_line)[1] for y, of in zip(ends, spread, strict=True))
-        probability = -0.5 * cost - ends.size * math.log(sigma)
-        if probability > best:
-            best, found = probability, sigma
-        sigma /= _STEP
-    if found is None:
-        return None
-    nearest = nearest_convex(run, sensor, readings, faulty, found)
-    return None if nearest is None or nearest[1].explains else found
+        return math.inf, -math.inf
+    spread, tried, at = np.stack(end_deviations(sensor, *ends, 1.0)), [], run.sigma
+    while at >= least:
+        at *= _HALF
+        per_line = 4.0 * math.log(_RANGE / at)
+        lines = [best_lines(x, y, (of * at) ** -2.0, per_line) for y, of in zip(ends, spread, strict=True)]
+        numbers = 2 * sum(len(begins) - 1 for begins, _ in lines)
+        squares = (sum(cost for _, cost in lines) - 0.5 * per_line * numbers) * at**2
+        freedom = max(ends.size - numbers, 1)
+        sigma = max(math.sqrt(max(squares, 0.0) / freedom), least)
+        tried.append((_log_probability(squares, freedom, numbers, sigma), sigma))
+    probability, sigma = max(tried)
+    return sigma, probability
+
+
+def _log_probability(squares: float, freedom: int, numbers: int, sigma: float) -> float:
+    """Return that of readings that a model of so many numbers leaves so much of, but for what all models share."""
+    return -0.5 * squares / sigma**2 - freedom * math.log(sigma) - numbers * math.log(_RANGE)
