@@ -44,13 +44,16 @@ def noise_beside_jumps(run: RunFit, sensor: Sensor, readings: Mapping[str, Float
         return None
     faulty = contradictory(run, sensor, readings)
     found, probability = _of_lines(run, sensor, readings, faulty, least)
-    freedom, left_out = run.freedom, np.count_nonzero(run.excluded & ~faulty)
-    numbers = run.problem.readings - freedom
-    of_one = math.log(_ONE) + _log_probability(run.squares, freedom, numbers, run.sigma)
-    if found > _LESS * run.sigma or probability < of_one + left_out * math.log(_LEFT_OUT):
+    numbers, left_out = run.problem.readings - run.freedom, np.count_nonzero(run.excluded & ~faulty)
+    of_one = _log_probability(run.squares, run.freedom, numbers, least)[1] + left_out * math.log(_LEFT_OUT)
+    if found > _LESS * run.sigma or probability < of_one + math.log(_ONE):
         return None
     nearest = nearest_convex(run, sensor, readings, faulty, found)
-    return None if nearest is None or nearest[1].explains else found
+    if nearest is None or nearest[1].explains:
+        return None
+    ends, read = nearest[1], np.count_nonzero(nearest[0].weight)
+    of_one = _log_probability(ends.chi_square * found**2, ends.freedom, read - ends.freedom, least)[1]
+    return None if probability < of_one + math.log(_ONE) else found
 
 
 def _of_lines(
@@ -70,13 +73,14 @@ def _of_lines(
         lines = [best_lines(x, y, (of * at) ** -2.0, per_line) for y, of in zip(ends, spread, strict=True)]
         numbers = 2 * sum(len(begins) - 1 for begins, _ in lines)
         squares = (sum(cost for _, cost in lines) - 0.5 * per_line * numbers) * at**2
-        freedom = max(ends.size - numbers, 1)
-        sigma = max(math.sqrt(max(squares, 0.0) / freedom), least)
-        tried.append((_log_probability(squares, freedom, numbers, sigma), sigma))
-    probability, sigma = max(tried)
-    return sigma, probability
+        tried.append(_log_probability(squares, max(ends.size - numbers, 1), numbers, least))
+    return max(tried, key=lambda each: each[1])
 
 
-def _log_probability(squares: float, freedom: int, numbers: int, sigma: float) -> float:
-    """Return that of readings that a model of so many numbers leaves so much of, but for what all models share."""
-    return -0.5 * squares / sigma**2 - freedom * math.log(sigma) - numbers * math.log(_RANGE)
+def _log_probability(squares: float, freedom: int, numbers: int, least: float) -> tuple[float, float]:
+    """Return the likeliest noise [Vref], `least` or more, where a model of so many numbers leaves so much.
+
+    And the log probability of the readings, but for what all models share.
+    """
+    sigma = max(math.sqrt(max(squares, 0.0) / freedom), least)
+    return sigma, -0.5 * squares / sigma**2 - freedom * math.log(sigma) - numbers * math.log(_RANGE)
