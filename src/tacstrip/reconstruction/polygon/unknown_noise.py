@@ -17,7 +17,7 @@ from tacstrip.core.convex_chain import best_lines
 from tacstrip.reconstruction.contact_ends import closed_ends, end_deviations
 from tacstrip.reconstruction.polygon.convexity import nearest_convex
 from tacstrip.reconstruction.polygon.faulty_channel import MOST_STRIPS, contradictory
-from tacstrip.reconstruction.polygon.run import MOST_SIGMA, RunFit
+from tacstrip.reconstruction.polygon.run import RunFit
 from tacstrip.sensor.spec import Sensor
 
 _LEAST_SIGMA = 5e-4  # of Vref: no sensor that works has less
@@ -40,7 +40,7 @@ def noise_beside_jumps(run: RunFit, sensor: Sensor, readings: Mapping[str, Float
     """
     least = max(_LEAST_SIGMA, sensor.adc_step / math.sqrt(12.0))
     told = run.problem.x.size > MOST_STRIPS or run.singled_out is not None
-    if run.model is None or told or not least < _LESS * run.sigma < _LESS * MOST_SIGMA:
+    if run.model is None or told or not least < _LESS * run.sigma:
         return None
     faulty = contradictory(run, sensor, readings)
     found, probability = _of_lines(run, sensor, readings, faulty, least)
