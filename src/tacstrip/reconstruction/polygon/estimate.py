@@ -306,7 +306,11 @@ def _contacts(
             corners = again.residual_sums[0] <= again.problem.readings
             if again.selection is not None and (corners or run.outline is None):  # nor does a width
                 run = again
-        if sigma is None and len(readings) > 1 and (less := noise_beside_jumps(run, sensor, readings)) is not None:
+        if (
+            sigma is None
+            and len(readings) > 1
+            and (less := noise_beside_jumps(run, sensor, readings)) is not None
+        ):
             again = runs_of([readings], less)[0]
             run = run if again.selection is None else again
         run = run if sigma is not None else _at_least_a_step(run, sensor)
