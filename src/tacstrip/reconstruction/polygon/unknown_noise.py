@@ -17,12 +17,12 @@ from tacstrip.core.convex_chain import best_lines
 from tacstrip.reconstruction.contact_ends import closed_ends, end_deviations
 from tacstrip.reconstruction.polygon.convexity import nearest_convex
 from tacstrip.reconstruction.polygon.faulty_channel import MOST_STRIPS, contradictory
-from tacstrip.reconstruction.polygon.run import RunFit
+from tacstrip.reconstruction.polygon.run import MOST_SIGMA, RunFit
 from tacstrip.sensor.spec import Sensor
 
 _LEAST_SIGMA = 5e-4  # of Vref: no sensor that works has less
 _LESS = 0.7  # of the polygon's noise: what is nearer to it changes nothing
-_HALF = 0.5  # from one noise at which lines are found to the next
+_STEP = 0.7  # from one noise at which lines are looked for to the next
 _RANGE = 0.1  # of Vref, of a number of a model
 _LEFT_OUT = 0.01  # of readings: how many are strays
 _ONE = 4.0  # one convex object is so many times as frequent as others
@@ -38,15 +38,16 @@ def noise_beside_jumps(run: RunFit, sensor: Sensor, readings: Mapping[str, Float
     sensor, readings
         What measured them; signature to (n,) over Vref.
     """
-    least = max(_LEAST_SIGMA, sensor.adc_step / math.sqrt(12.0))
-    told = run.problem.x.size > MOST_STRIPS or run.singled_out is not None
-    if run.model is None or told or not least < _LESS * run.sigma:
+    least, most = max(_LEAST_SIGMA, sensor.adc_step / math.sqrt(12.0)), min(_LESS * run.sigma, MOST_SIGMA)
+    if run.model is None or run.singled_out is not None or run.problem.x.size > MOST_STRIPS:
         return None
     faulty = contradictory(run, sensor, readings)
-    found, probability = _of_lines(run, sensor, readings, faulty, least)
+    found, probability = _of_lines(run, sensor, readings, faulty, (least, most))
     numbers, left_out = run.problem.readings - run.freedom, np.count_nonzero(run.excluded & ~faulty)
-    of_one = _log_probability(run.squares, run.freedom, numbers, least)[1] + left_out * math.log(_LEFT_OUT)
-    if found > _LESS * run.sigma or probability < of_one + math.log(_ONE):
+    of_one = _log_probability(run.squares, max(run.freedom, 1), numbers, least)[1] + left_out * math.log(
+        _LEFT_OUT
+    )
+    if found > most or probability < of_one + math.log(_ONE):
         return None
     nearest = nearest_convex(run, sensor, readings, faulty, found)
     if nearest is None or nearest[1].explains:
@@ -57,24 +58,34 @@ def noise_beside_jumps(run: RunFit, sensor: Sensor, readings: Mapping[str, Float
 
 
 def _of_lines(
-    run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray], faulty: BoolArray, least: float
+    run: RunFit,
+    sensor: Sensor,
+    readings: Mapping[str, FloatArray],
+    faulty: BoolArray,
+    bounds: tuple[float, float],
 ) -> tuple[float, float]:
-    """Return the likeliest noise [Vref], `least` or more, beside lines along l and u, and its log probability."""
+    """Return the likeliest noise [Vref] beside lines along l and u, and its log probability.
+
+    `bounds`: the least and the greatest noise at which lines are looked for. Infinite where they leave none.
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
         ends = np.stack(closed_ends(sensor, readings["kh"], readings["kl"]))
     used = np.isfinite(ends).all(axis=0) & ~faulty.any(axis=0)
     x, ends = run.problem.x[used], ends[:, used]
+    best, (least, at) = (math.inf, -math.inf), bounds
     if not x.size:
-        return math.inf, -math.inf
-    spread, tried, at = np.stack(end_deviations(sensor, *ends, 1.0)), [], run.sigma
+        return best
+    spread = np.stack(end_deviations(sensor, *ends, 1.0))
     while at >= least:
-        at *= _HALF
-        per_line = 4.0 * math.log(_RANGE / at)
+        per_line = 4.0 * math.log(_RANGE / at)  # of its two numbers
         lines = [best_lines(x, y, (of * at) ** -2.0, per_line) for y, of in zip(ends, spread, strict=True)]
         numbers = 2 * sum(len(begins) - 1 for begins, _ in lines)
+        if numbers >= ends.size:  # so many lines explain readings of any noise
+            break
         squares = (sum(cost for _, cost in lines) - 0.5 * per_line * numbers) * at**2
-        tried.append(_log_probability(squares, max(ends.size - numbers, 1), numbers, least))
-    return max(tried, key=lambda each: each[1])
+        tried = _log_probability(squares, ends.size - numbers, numbers, least)
+        best, at = max(best, tried, key=lambda each: each[1]), _STEP * at
+    return best
 
 
 def _log_probability(squares: float, freedom: int, numbers: int, least: float) -> tuple[float, float]:
