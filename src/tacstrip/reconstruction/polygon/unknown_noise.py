@@ -24,7 +24,7 @@ _LEAST_SIGMA = 5e-4  # of Vref: no sensor that works has less
 _LESS = 0.7  # of the polygon's noise: what is nearer to it changes nothing
 _STEP = 0.7  # from one noise at which lines are looked for to the next
 _RANGE = 0.1  # of Vref, of a number of a model
-_LEFT_OUT = 0.01  # of readings: how many are strays
+_STRAY = 0.01  # of readings: so many have an error that no noise explains
 _ONE = 4.0  # one convex object is so many times as frequent as others
 
 
@@ -43,17 +43,15 @@ def noise_beside_jumps(run: RunFit, sensor: Sensor, readings: Mapping[str, Float
         return None
     faulty = contradictory(run, sensor, readings)
     found, probability = _of_lines(run, sensor, readings, faulty, (least, most))
-    numbers, left_out = run.problem.readings - run.freedom, np.count_nonzero(run.excluded & ~faulty)
-    of_one = _log_probability(run.squares, max(run.freedom, 1), numbers, least)[1] + left_out * math.log(
-        _LEFT_OUT
-    )
-    if found > most or probability < of_one + math.log(_ONE):
+    strays = int(np.count_nonzero(run.excluded & ~faulty))
+    _, of_one = _log_probability(run.squares, max(run.freedom, 1), run.problem.readings - run.freedom, least)
+    if found > most or probability < of_one + strays * math.log(_STRAY) + math.log(_ONE):
         return None
     nearest = nearest_convex(run, sensor, readings, faulty, found)
     if nearest is None or nearest[1].explains:
         return None
-    ends, read = nearest[1], np.count_nonzero(nearest[0].weight)
-    of_one = _log_probability(ends.chi_square * found**2, ends.freedom, read - ends.freedom, least)[1]
+    ends, read = nearest[1], int(np.count_nonzero(nearest[0].weight))
+    _, of_one = _log_probability(ends.chi_square * found**2, ends.freedom, read - ends.freedom, least)
     return None if probability < of_one + math.log(_ONE) else found
 
 
@@ -75,7 +73,7 @@ def _of_lines(
     best, (least, at) = (math.inf, -math.inf), bounds
     if not x.size:
         return best
-    spread = np.stack(end_deviations(sensor, *ends, 1.0))
+    spread = np.stack(end_deviations(sensor, ends[0], ends[1], 1.0))
     while at >= least:
         per_line = 4.0 * math.log(_RANGE / at)  # of its two numbers
         lines = [best_lines(x, y, (of * at) ** -2.0, per_line) for y, of in zip(ends, spread, strict=True)]
