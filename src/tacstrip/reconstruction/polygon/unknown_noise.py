@@ -15,12 +15,12 @@ import numpy as np
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.core.convex_chain import best_lines
 from tacstrip.reconstruction.contact_ends import closed_ends, end_deviations
+from tacstrip.reconstruction.pieces.run import LEAST_SIGMA
 from tacstrip.reconstruction.polygon.convexity import nearest_convex
 from tacstrip.reconstruction.polygon.faulty_channel import MOST_STRIPS, contradictory
 from tacstrip.reconstruction.polygon.run import MOST_SIGMA, RunFit
 from tacstrip.sensor.spec import Sensor
 
-_LEAST_SIGMA = 5e-4  # of Vref: no sensor that works has less
 _LESS = 0.7  # of the polygon's noise: what is nearer to it changes nothing
 _STEP = 0.7  # from one noise at which lines are looked for to the next
 _RANGE = 0.1  # of Vref, of a number of a model
@@ -38,8 +38,9 @@ def noise_beside_jumps(run: RunFit, sensor: Sensor, readings: Mapping[str, Float
     sensor, readings
         What measured them; signature to (n,) over Vref.
     """
-    least, most = max(_LEAST_SIGMA, sensor.adc_step / math.sqrt(12.0)), min(_LESS * run.sigma, MOST_SIGMA)
-    if run.model is None or run.singled_out is not None or run.problem.x.size > MOST_STRIPS:
+    least, most = max(LEAST_SIGMA, sensor.adc_step / math.sqrt(12.0)), min(_LESS * run.sigma, MOST_SIGMA)
+    told = run.singled_out is not None or run.problem.x.size > MOST_STRIPS
+    if run.model is None or told or least > most:
         return None
     faulty = contradictory(run, sensor, readings)
     found, probability = _of_lines(run, sensor, readings, faulty, (least, most))
