@@ -102,10 +102,11 @@ def propose(
     given = dict(answers or {})
     try:
         return told(given)
-    except Unanswered as asked:
-        if not all(q.default for q in asked.questions):
+    except Unanswered as asked:  # what has a default is not asked beside the rest
+        known = {q.key: q.default for q in asked.questions if q.default}
+        if not known:
             raise
-        return told(given | {q.key: q.default for q in asked.questions})
+        return told(given | known)
 
 
 def settled(table: Table, read: Callable[[Table], Read], strips: int = 0, channels: int = 0) -> Read:
