@@ -178,6 +178,8 @@ def strip_column(clues: Clues, known: dict[str, Meaning], which: str, wide: list
         *clues.answers
     }:  # one that stays while another counts numbers the scans
         there = [n for n in there if not any(_counts_within(clues, o, n) for o in there if o != n)] or there
+    if len(there) > 1 and not {*there} & {*clues.answers}:
+        there = [n for n in there if _may_number_strips(clues, n)] or there
     if len(there) > 1:
         clues.ask(
             there[1],
@@ -213,6 +215,12 @@ def strip_column(clues: Clues, known: dict[str, Meaning], which: str, wide: list
             clues.because(f"{name}: {strips} whole numbers that come again and again, as many as strips")
             return name, 0.0
     return "", 0.0
+
+
+def _may_number_strips(clues: Clues, name: str) -> bool:
+    """Return whether a column has no more numbers than the sensor has strips, and none too far from the others."""
+    numbers = [v for v in clues.values(name) if v is not None]
+    return not numbers or clues.sensor is None or max(numbers) - min(numbers) < clues.sensor.strips
 
 
 def _counts_within(clues: Clues, inner: str, outer: str) -> bool:

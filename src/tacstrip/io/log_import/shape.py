@@ -158,9 +158,7 @@ def _of_strips_only(table: Table) -> Table:
         others = {f for f, m in kinds.items() if m.strip is None}
         if not others or len(kinds) - len(others) < _FEW_KEYS or meaning(name).role in ("time", "scan"):
             continue
-        words = all(
-            re.fullmatch(r"[^\W\d]{2,}(?:[ _.-][^\W\d]+)*", f) and not says_nothing(f) for f in others
-        )
+        words = all(re.fullmatch(r"\D*[^\W\d_]{2}\D*", f) and not says_nothing(f) for f in others)
         out = [n for n, f in enumerate(fields) if f in others]
         strips = all(m.role == "reading" for f, m in kinds.items() if f not in others)
         worded = strips and not any(number_of(f) is not None for f in kinds)

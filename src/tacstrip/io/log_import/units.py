@@ -263,15 +263,41 @@ def _bits(clues: Clues, values: FloatArray, bits: int, scale: float) -> int:
         )  # fmt: skip
     over = bits and min(scale, 1.0) * values.max() > 2.0**bits - 1.0  # or a sum of several
     if (over or not bits) and clues.sensor is not None:
-        fits = [str(b) for b in BITS if values.max() <= 2.0**b - 1.0][:3]
+        fits = _bits_that_fit(float(values.max()))
         why = f"and adc_bits = {bits}" if bits else "and the spec has no adc_bits"
-        if_so = "if unit=code: " if "unit" in {q.key for q in clues.questions} else ""
-        text = f"{if_so}codes reach {values.max():g}, {why}: how many bits has the converter?"
-        if not bits:
-            text += " (If its range is not Vref, say the volts of a code: unit=0.125mV)"
+        beside = "(If its range is not Vref, say the volts of a code: unit=0.125mV)" if not bits else ""
+        if _asked_with_bits(clues, fits, beside):
+            return 0
+        text = f"codes reach {values.max():g}, {why}: how many bits has the converter? {beside}".rstrip()
         clues.ask("adc_bits", text, *fits)
         return 0
     return bits
+
+
+def _bits_that_fit(top: float) -> list[str]:
+    """Return the usual resolutions of which a log that reaches `top` uses more than a faint part.
+
+    Examples
+    --------
+    >>> _bits_that_fit(661.0), _bits_that_fit(22142.0), _bits_that_fit(9.0)
+    (['10', '12', '14'], ['16'], ['8', '10', '12'])
+    """
+    fits = [b for b in BITS if top <= 2.0**b - 1.0]
+    return [str(b) for b in [b for b in fits if top > _FAINT * 2.0**b][:3] or fits[:1]]
+
+
+def _asked_with_bits(clues: Clues, fits: list[str], beside: str) -> bool:
+    """Return whether the unit is asked, in the question of which codes now stand with their bits: one is enough."""
+    at = next((n for n, q in enumerate(clues.questions) if q.key == "unit" and "code" in q.choices), None)
+    if at is None:
+        return False
+    asked = clues.questions[at]
+    of_bits = [f"{b}bit" for b in fits] or ["code"]
+    of_bits += [f"1/{n}" for n in _OTHER_FULL_SCALES if _MUCH * n < top <= _OVER_FULL * n]
+    choices = [c for u in asked.choices for c in (of_bits if u == "code" else [u])]
+    text = f"{asked.text} {beside}".rstrip()
+    clues.questions[at] = replace(asked, text=text, choices=tuple(choices))
+    return True
 
 
 def _unit_by_size(clues: Clues, values: FloatArray, vref: float, bits: int, volts: bool) -> str:
