@@ -132,7 +132,7 @@ OF_VREF = {"fraction": 1.0, "percent": 1e-2, "permille": 1e-3}
 LENGTHS_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 
 
-_NUMBER_OF = frozenset({"n", "id", "no", "nr", "num", "number", "index", "idx", "i"})
+_NUMBER_OF = frozenset({"n", "id", "no", "nr", "num", "number", "index", "idx", "i", "name", "label"})
 _MOST_STRIPS = 99999  # a larger number in a name is none of a strip
 _CALLED_K = re.compile(r"(?:strip|s)?[\W\d_]*k[\W\d_]*(?:h|l|hi|lo|high|low)?[\W\d_]*", re.IGNORECASE)
 _PLACE = re.compile(r" \(column \d+\)\Z")  # of one of several columns of a name
@@ -241,6 +241,7 @@ def _together(names: Sequence[str]) -> dict[str, Meaning]:
         t for tokens, _ in split.values() for t in set(tokens) if not t.isdecimal() and t not in _ANY
     )
     shared = {t for t, many in alike.items() if many > 1 and 2 * many >= len(names)} - _SPREAD
+    shared |= _end_of_both(split)
     split = {name: ([t for t in ts if t not in shared] or ts, u) for name, (ts, u) in split.items()}
     split = _with_letters(split)
     found = {n: meaning(n) if _NAMELESS.fullmatch(n) else _of_tokens(*tokens) for n, tokens in split.items()}
@@ -301,6 +302,14 @@ def _in_a_grid(
     numbers = sorted(s for s in strips if s is not None)
     counted = numbers == list(range(numbers[0], numbers[0] + len(strips))) if numbers else False
     return read if not full and counted and len(set(channels)) == len(channels) and len(strips) > 1 else {}
+
+
+def _end_of_both(split: Mapping[str, tuple[list[str], str]]) -> set[str]:
+    """Return words of an end, as French "haut", that stand in all names with a number, which name both ends besides."""
+    words = [{*tokens} for tokens, _ in split.values() if any(t.isdecimal() for t in tokens)]
+    common = set.intersection(*words) & (_HIGH | _LOW) if len(words) > 1 else set()
+    rest = set().union(*words) - common
+    return common if rest & _HIGH and rest & _LOW else set()
 
 
 def _with_first(split: Mapping[str, tuple[list[str], str]]) -> dict[str, tuple[list[str], str]]:
