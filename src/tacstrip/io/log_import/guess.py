@@ -24,8 +24,8 @@ from tacstrip.io.log_import.fields import STAMP, is_garbled, says_nothing
 from tacstrip.io.log_import.mapping import STRIP_ORDERS, ColumnMapping
 from tacstrip.io.log_import.names import CLOCKS, IN_VOLTS, is_strip_word, meaning, meanings
 from tacstrip.io.log_import.others import drop_others
-from tacstrip.io.log_import.questions import KEYS, Clues, Question, Unanswered
-from tacstrip.io.log_import.scans import LogScan, is_newest_first, raw_times, scans, strip_numbers
+from tacstrip.io.log_import.questions import KEYS, ROLES, Clues, Question, Unanswered
+from tacstrip.io.log_import.scans import LogScan, is_newest_first, is_unsorted, raw_times, scans, strip_numbers
 from tacstrip.io.log_import.sides import (
     assigned_otherwise,
     from_the_right_said,
@@ -277,7 +277,8 @@ def _assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
     try:
         found = find_columns(clues)
     except Unanswered:
-        _ask_for_base(clues)
+        if not any(q.key in clues.table.names and not {*q.choices} <= {*ROLES} for q in clues.questions):
+            _ask_for_base(clues)  # which is of all lines, not those of one sensor of several
         raise Unanswered(*clues.questions) from None
     _drop_repeated(clues, found)
     drop_others(clues, found)
@@ -302,18 +303,19 @@ def _assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
 
 
 def _drop_repeated(clues: Clues, found: Columns) -> None:
-    """Leave out a line that is the one above it again, where the times or scans and strips of all others differ."""
+    """Leave out a line that is one above it again, where the times or scans and strips of all others differ."""
     table = clues.table
     if not (found.time or found.scan) or len(table.rows) < _FEW_ROWS:
         return
     keys = [n for n in (found.time, found.scan, found.strip, found.which) if n]
-    again = [n for n in range(1, len(table.rows)) if table.rows[n] == table.rows[n - 1]]
-    again = [n for n in again if table.lines[n] != table.lines[n - 1]]
+    first: dict[tuple[str, ...], int] = {}
+    of = [first.setdefault(tuple(row), n) for n, row in enumerate(table.rows)]
+    again = [n for n, before in enumerate(of) if table.lines[n] != table.lines[before]]
     kept = [n for n in range(len(table.rows)) if n not in {*again}]
     said = Counter(zip(*([table.column(k)[n] for n in kept] for k in keys), strict=True))
     if not again or len(again) > max(1.0, _MOST_REPEATED * len(table.rows)) or max(said.values()) > 1:
         return
-    shown = "; ".join(f"line {table.lines[n]} is line {table.lines[n - 1]} again" for n in again[:_SHOWN])
+    shown = "; ".join(f"line {table.lines[n]} is line {table.lines[of[n]]} again" for n in again[:_SHOWN])
     more = f", and {len(again) - _SHOWN} more" if len(again) > _SHOWN else ""
     clues.doubt(f"{shown}{more}: left out")
     clues.table = table.of_rows(kept)
@@ -358,6 +360,8 @@ def _rough(clues: Clues, found: Columns) -> tuple[ColumnMapping, list[LogScan]]:
     if is_newest_first(clues.table, loose):
         told = f"{mapping.time} falls: the newest stands first, and scans are put in the order of time"
         (clues.because if mapping.time_unit in CLOCKS else clues.doubt)(told)
+    if is_unsorted(clues.table, loose):
+        clues.doubt(f"{mapping.time}: lines are not in the order of time, and are put in it")
     plain = replace(loose, restart="error")
     try:
         rough = scans(clues.table, plain)

@@ -136,6 +136,7 @@ _NUMBER_OF = frozenset({"n", "id", "no", "nr", "num", "number", "index", "idx", 
 _MOST_STRIPS = 99999  # a larger number in a name is none of a strip
 _CALLED_K = re.compile(r"(?:strip|s)?[\W\d_]*k[\W\d_]*(?:h|l|hi|lo|high|low)?[\W\d_]*", re.IGNORECASE)
 _PLACE = re.compile(r" \(column \d+\)\Z")  # of one of several columns of a name
+_LABELLED = re.compile(r"\d+ <([^<>]+)> (\([^()]*\))")  # as instruments write an input, its label and unit
 _NAMELESS = re.compile(r"column \d+")  # what a log without names is given
 
 
@@ -228,13 +229,20 @@ def _parts_of_records(names: Sequence[str]) -> dict[str, str]:
     }
 
 
+def _labelled_inputs(names: Sequence[str]) -> dict[str, str]:
+    """Return the labels of names such as "101 <Strip A hi> (VDC)", without the input's number, if letters tell strips."""
+    found = {n: m for n in names if (m := _LABELLED.fullmatch(n))}
+    labels = {n: f"{m[1]} {m[2]}" for n, m in found.items() if not re.search(r"\d", m[1])}
+    return labels if len({*labels.values()}) == len(labels) > 1 else {}
+
+
 def _is_extreme(name: str) -> bool:
     return bool(_EXTREMES & {*re.findall(r"[a-z]+", name.casefold())})
 
 
 def _together(names: Sequence[str]) -> dict[str, Meaning]:
     """Return what names mean, of which none is of an extreme."""
-    parts = _parts_of_records(names)
+    parts = _parts_of_records(names) | _labelled_inputs(names)
     split = {name: _tokens(parts.get(name, name)) for name in names}
     split |= _with_first(split)
     alike = Counter(

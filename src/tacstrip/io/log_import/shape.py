@@ -245,6 +245,9 @@ def _of_nothing(table: Table) -> Table:
     known = meanings(table.names)
     strips = [n for n, m in known.items() if m.role == "strip"]
     read = [n for n, m in known.items() if m.role == "reading"]
+    if len(strips) == 1 and not read:  # else what is filled where the strip is, and only there
+        there = [bool(f) for f in table.column(strips[0])]
+        read = [n for n in table.names if n not in strips and [bool(f) for f in table.column(n)] == there]
     if len(strips) != 1 or not read:
         return table
     columns = [table.column(n) for n in (*strips, *read)]

@@ -27,6 +27,7 @@ from tacstrip.io.log_import.roles import are_channels
 from tacstrip.io.log_import.table import CLOCK, PART, ROW
 from tacstrip.io.log_import.words import names_of
 
+_FEW_STATES, _MANY_VALUES = 4, 20  # distinct numbers: of a flag, and of readings
 _MOST_ASKED = 6  # columns, of each of which is asked what it is
 # What a column may be that holds something made of readings, or what is measured beside them.
 _DERIVED = frozenset(names_of("derived"))
@@ -58,6 +59,8 @@ def readings_by_contents(
             return readings_of_block(clues, some, known, which)
         block = ask_for_block(clues, "no name says of which strip a column is", some, wide)
         return readings_of_block(clues, block, known, which)
+    if len(left) > many[-1]:
+        left = _without_flags(clues, left)
     if len(left) in many and taken - {""}:
         made = _DERIVED - ({"sum"} if conversion.summed(clues.table.preamble) else set())
         if odd := [n for n in left if made & set(re.findall(r"[a-z]+", n.lower()))]:
@@ -79,6 +82,14 @@ def readings_by_contents(
         text = "or of this one"
     clues.stop()
     raise AssertionError
+
+
+def _without_flags(clues: Clues, names: list[str]) -> list[str]:
+    """Return columns without those of a few whole numbers, as of states, where others have many numbers."""
+    there = {n: {v for v in clues.values(n) if v is not None} for n in names}
+    flags = {n for n, values in there.items() if len(values) <= _FEW_STATES and all(v % 1.0 == 0.0 for v in values)}
+    varied = all(len(values) > _MANY_VALUES for n, values in there.items() if n not in flags)
+    return [n for n in names if n not in flags] if varied else names
 
 
 def readings_by_number(clues: Clues, known: dict[str, Meaning], taken: set[str]) -> dict[str, Meaning]:
