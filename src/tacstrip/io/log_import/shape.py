@@ -276,9 +276,7 @@ def _of_nothing(table: Table) -> Table:
 
 
 def _split_keys(table: Table) -> Table:
-    """Split a column of names such as "3H", "vh[3]" or "S01 high" into strip and channel, unless columns name the ends."""
-    if {"h", "l"} <= {m.channel for m in meanings(table.names).values() if m.role == "reading"}:
-        return table
+    """Split a column of names such as "3H", "vh[3]" or "S01 high" into strip and channel."""
     for name in table.names:
         fields = table.column(name)
         if meaning(name).role == "time" or any(
