@@ -33,6 +33,8 @@ _MANY = 0.05  # of the readings: more that are exactly 0 are no chance
 # Of what there can be: a unit in which a log uses less is out where it uses as much in another.
 _LITTLE, _MUCH = 0.21, 0.5
 BITS = (8, 10, 12, 14, 16, 24)
+# Codes that are full scale and no power of two: of the analog inputs of a PLC, which go on for a part beyond.
+_OTHER_FULL_SCALES, _OVER_FULL = (27648,), 1.176
 _FEW_CODES = 6  # distinct readings that lie on a converter's steps: no chance
 _CODES_SAID = re.compile(r"\b(?:adc|raw|codes?|counts?|lsbs?|digits?)\b", re.IGNORECASE)
 _PERCENT = (20.0, 100.0)  # between which the largest reading of a sensor in percent lies as a rule
@@ -266,9 +268,13 @@ def _bits(clues: Clues, values: FloatArray, bits: int, scale: float) -> int:
         fits = _bits_that_fit(float(values.max()))
         why = f"and adc_bits = {bits}" if bits else "and the spec has no adc_bits"
         beside = "(If its range is not Vref, say the volts of a code: unit=0.125mV)" if not bits else ""
-        if _asked_with_bits(clues, fits, beside):
+        ways = [f"{b}bit" for b in fits] + _other_full_scales(float(values.max())) * (not bits)
+        if _asked_with_bits(clues, ways, beside):
             return 0
         text = f"codes reach {values.max():g}, {why}: how many bits has the converter? {beside}".rstrip()
+        if len(ways) > len(fits):
+            clues.ask("unit", f"{text} Or which code is Vref (1/27648)?", *ways)
+            return 0
         clues.ask("adc_bits", text, *fits)
         return 0
     return bits
@@ -286,17 +292,18 @@ def _bits_that_fit(top: float) -> list[str]:
     return [str(b) for b in [b for b in fits if top > _FAINT * 2.0**b][:3] or fits[:1]]
 
 
-def _asked_with_bits(clues: Clues, fits: list[str], beside: str) -> bool:
+def _other_full_scales(top: float) -> list[str]:
+    return [f"1/{n}" for n in _OTHER_FULL_SCALES if _MUCH * n < top <= _OVER_FULL * n]
+
+
+def _asked_with_bits(clues: Clues, ways: list[str], beside: str) -> bool:
     """Return whether the unit is asked, in the question of which codes now stand with their bits: one is enough."""
     at = next((n for n, q in enumerate(clues.questions) if q.key == "unit" and "code" in q.choices), None)
     if at is None:
         return False
     asked = clues.questions[at]
-    of_bits = [f"{b}bit" for b in fits] or ["code"]
-    of_bits += [f"1/{n}" for n in _OTHER_FULL_SCALES if _MUCH * n < top <= _OVER_FULL * n]
-    choices = [c for u in asked.choices for c in (of_bits if u == "code" else [u])]
-    text = f"{asked.text} {beside}".rstrip()
-    clues.questions[at] = replace(asked, text=text, choices=tuple(choices))
+    choices = [c for u in asked.choices for c in (ways or [u] if u == "code" else [u])]
+    clues.questions[at] = replace(asked, text=f"{asked.text} {beside}".rstrip(), choices=tuple(choices))
     return True
 
 
@@ -335,6 +342,7 @@ def _unit_by_size(clues: Clues, values: FloatArray, vref: float, bits: int, volt
             )
         best = max(best, _MUCH)  # so few of the millivolts, and not on the converter's steps of them
     likely = [u for u, used in fits.items() if used >= _LITTLE or best < _MUCH]
+    likely = [u for u in likely if fits[u] >= _FAINT] or likely
     if not likely and {*fits} == {"code", "mV"}:
         likely = ["code"]  # not those millivolts, however few codes they are
     if volts and not whole and "V" in fits:
