@@ -27,6 +27,8 @@ from tacstrip.io.log_import.table import CLOCK, ROW
 NO_TIME = "none"  # answered for a rate: times are left empty
 _RATES_HZ = (0.12, 1000.0)  # scans per second that a log may have
 _POSSIBLE_S = (1.5e-4, 3600.0)  # from scan to scan
+_DRIFT = 0.05  # of the time: clocks that differ by less may drift
+_OTHER_UNITS = ("86.4ms",)  # a millionth of a day, as of Siemens' logs
 _EVEN = 0.2  # of the largest step: so much may others of a clock be less
 _FEW_CODES = 6  # distinct readings that lie on a converter's steps: no chance
 _FAR = 1e5  # usual steps: no pause is as long
@@ -104,6 +106,8 @@ def with_time(clues: Clues, mapping: ColumnMapping, found: Columns) -> ColumnMap
     if (not unit or too_late) and (since := [u for u, s in _EPOCHS.items() if s <= abs(times[0]) <= 2.2 * s]):
         clues.because(f"{found.time}: {since[0]} since 1970")
         unit = since[0]
+    if "time_unit" not in clues.answers and unit in TIME_UNITS:
+        unit = _as_stamps_run(clues, found.time, times, unit)
     steps = np.diff(times)
     mapping = replace(mapping, time_unit=unit)
     return (
@@ -111,6 +115,22 @@ def with_time(clues: Clues, mapping: ColumnMapping, found: Columns) -> ColumnMap
         if unit in CLOCKS
         else replace(mapping, time_bits=_clock_bits(clues, found.time, times, steps))
     )
+
+
+def _as_stamps_run(clues: Clues, name: str, times: FloatArray, unit: str) -> str:
+    """Return the only unit in which a time spans what a column of dates and times of day does; else the unit named."""
+    span = float(times[-1] - times[0])
+    for stamps in (n for n in clues.table.names if n not in (name, CLOCK)):
+        ends = [clues.table.column(stamps)[n] for n in (0, -1)]
+        if any(number_of(t, clues.table.decimal) is not None or clock_seconds(t) is None for t in ends):
+            continue
+        other = (clock_seconds(ends[1]) or 0.0) - (clock_seconds(ends[0]) or 0.0)
+        slack = _DRIFT * other + (0.0 if re.search(r"[.,]\d", ends[0]) else 1.0)
+        fits = [u for u in (*TIME_UNITS, *_OTHER_UNITS) if abs(span * seconds_of(u) - other) <= slack]
+        if span > 0.0 and other > 2.0 * slack and len(fits) == 1 and fits != [unit]:
+            clues.doubt(f"{name}: taken in steps of {fits[0]}, for only so it runs as {stamps} does; else --answer time_unit={unit}")
+            return fits[0]
+    return unit
 
 
 def _answered_unit(clues: Clues) -> str:
