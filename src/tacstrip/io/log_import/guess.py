@@ -13,15 +13,18 @@ from typing import TypeVar
 
 import numpy as np
 
+from tacstrip.arrays import FloatArray
 from tacstrip.errors import OptionError, ReadingError
 from tacstrip.io.log_import import conversion, no_contact, time_unit, units
 from tacstrip.io.log_import.broken import are_torn, hold_readings, of_other_kinds, settle_broken
 from tacstrip.io.log_import.changes import ask_for_notes
 from tacstrip.io.log_import.columns import Columns, find_columns
+from tacstrip.io.log_import.contents import names_strips
 from tacstrip.io.log_import.doubts import raise_doubts
 from tacstrip.io.log_import.ends import above, ends_exchanged, noise
-from tacstrip.io.log_import.fields import STAMP, is_garbled, says_nothing
+from tacstrip.io.log_import.fields import STAMP, is_garbled, number_of, says_nothing
 from tacstrip.io.log_import.mapping import STRIP_ORDERS, ColumnMapping
+from tacstrip.io.log_import.neighbours import order_of_neighbours
 from tacstrip.io.log_import.names import CLOCKS, IN_VOLTS, is_strip_word, meaning, meanings
 from tacstrip.io.log_import.others import drop_others
 from tacstrip.io.log_import.questions import KEYS, ROLES, Clues, Question, Unanswered
@@ -280,6 +283,7 @@ def _assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
         if not any(q.key in clues.table.names and not {*q.choices} <= {*ROLES} for q in clues.questions):
             _ask_for_base(clues)  # which is of all lines, not those of one sensor of several
         raise Unanswered(*clues.questions) from None
+    _order_names(clues, found)
     _drop_repeated(clues, found)
     drop_others(clues, found)
     found = _as_wired(clues, found)
@@ -300,6 +304,36 @@ def _assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
     if mapping.unit in IN_VOLTS:
         ask_for_supply(clues)
     return mapping, rough
+
+
+def _order_names(clues: Clues, found: Columns) -> None:
+    """Ask in which order strips lie that have names instead of numbers, such as the colours of wires."""
+    if not found.strip or found.which or not names_strips(clues, found.strip):
+        return
+    fields = clues.table.column(found.strip)
+    names = [*dict.fromkeys(fields)]
+    if answer := clues.answers.get("strip_order", ""):
+        listed = [n.strip().casefold() for n in answer.split(",")]
+        if sorted(listed) != sorted(n.casefold() for n in names):
+            raise OptionError(f"--answer strip_order={answer}: list each of {', '.join(names)} once")
+        clues.strip_names = answer
+        return
+    values: list[FloatArray] = []
+    for n, field in enumerate(fields):
+        if not values or np.isfinite(values[-1][names.index(field)]).any() or (
+            found.scan and clues.table.column(found.scan)[n] != clues.table.column(found.scan)[n - 1]
+        ):
+            values.append(np.full((len(names), len(found.readings)), np.nan))
+        read = [number_of(clues.table.column(c)[n], clues.table.decimal) for c in found.readings]
+        values[-1][names.index(field)] = [np.nan if v is None else v for v in read]
+    order = [names[n] for n in order_of_neighbours(np.stack(values))]
+    clues.ask(
+        "strip_order",
+        f"strips are called {', '.join(names)}: in which order do they lie, from the first strip on? By which are touched "
+        "together, and read alike, so or in reverse",
+        ",".join(order), ",".join(order[::-1]),
+    )  # fmt: skip
+    clues.strip_names = ",".join(order)
 
 
 def _drop_repeated(clues: Clues, found: Columns) -> None:
@@ -458,6 +492,8 @@ def _strips(clues: Clues, found: Columns) -> tuple[int, int]:
     """Return the number of the first strip, and how many there are."""
     many = clues.number("strips")
     count = clues.sensor.strips if clues.sensor else int(many) if many else 0
+    if clues.strip_names:
+        return 0, count
     if found.strip_step:
         return 0, count
     if found.strip:
@@ -523,7 +559,9 @@ def _strips(clues: Clues, found: Columns) -> tuple[int, int]:
 
 
 def _strip_order(clues: Clues, found: Columns, strips: int) -> str:
-    """Return whether the log's strips run from the left, "ascending", or from the right."""
+    """Return whether the log's strips run from the left, "ascending", or from the right; or how they are called."""
+    if clues.strip_names:
+        return clues.strip_names
     if "," in (listed := clues.answers.get("strip_order", "")):
         clues.because(f"the log's strips are {listed} of the readings, in their order")
         return listed

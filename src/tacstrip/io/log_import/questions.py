@@ -73,6 +73,7 @@ class Clues:
 
     only: tuple[str, ...] = ()  # lines that are taken, as "pad=left"
     descending: bool = False  # whether the first strip's columns, which have no names, stand last
+    strip_names: str = ""  # with commas, from strip 0 on, where strips have names instead of numbers
     counted: bool = False  # whether strips are counted here, for the log gives them no numbers
 
     def __post_init__(self) -> None:

@@ -13,6 +13,7 @@ from tacstrip.io.log_import.contents import (
     are_whole,
     comes_again,
     counts_up,
+    names_strips,
     rises_as_a_clock,
     rises_evenly,
 )
@@ -204,6 +205,10 @@ def strip_column(clues: Clues, known: dict[str, Meaning], which: str, wide: list
         named = all(m.role == "reading" and m.strip is not None and not m.channel for m in kinds.values())
         if named and len(told) == len(kinds) == strips and not any(number_of(f) is not None for f in kinds):
             clues.because(f"{name}: {strips} names that count, as many as strips, such as {min(kinds)!r}")
+            return name, 0.0
+    for name in [n for n, m in known.items() if m.role in ("", "which") and n not in (ROW, which)]:
+        if names_strips(clues, name):
+            clues.because(f"{name}: {strips} names, as many as strips, each once in a scan")
             return name, 0.0
     for name in clues.table.names:
         fields = clues.table.column(name)

@@ -476,6 +476,11 @@ def strip_numbers(table: Table, mapping: ColumnMapping) -> list[int]:
     found: list[int] = []
     texts: dict[int, str] = {}
     column = mapping.strip
+    if names := [n.casefold() for n in mapping.strip_names]:
+        fields = table.column(column)
+        if odd := [n for n, f in enumerate(fields) if f.casefold() not in names]:
+            raise NoTableError(f"line {table.lines[odd[0]]}: {column} is {fields[odd[0]]!r}, not a strip's name")
+        return [names.index(f.casefold()) for f in fields]
     for line, text in zip(table.lines, table.column(column), strict=True):
         digits, named = re.findall(r"\d+", text), bool(re.search("[A-Za-z#]", _EXPONENT.sub("", text)))
         letter = re.fullmatch(r"(?:\w{2,}[\s_-]+)?([A-Za-z])", text.strip())

@@ -12,6 +12,7 @@ from tacstrip.io.log_import.contents import (
     count_strips,
     counts_up,
     is_numeric,
+    names_strips,
     rises_as_a_clock,
     rises_evenly,
 )
@@ -53,6 +54,8 @@ def readings_by_contents(
     if sum(known[n].role != "scan" for n in some) == wide:
         some = [n for n in some if known[n].role != "scan"]
     some = [n for n in some if is_numeric(clues, n) or all(map(says_nothing, clues.table.column(n)))]
+    if len(some) > wide > 1 and len(left_ := _without_flags(clues, some)) >= wide:
+        some = left_
     if len(some) >= wide > 1:
         if len(some) == wide and all(re.fullmatch(r"column \d+", n) for n in some):
             clues.because(f"{wide} columns without names are the strips in their order")
@@ -190,7 +193,7 @@ def roles_without_names(clues: Clues) -> dict[str, Meaning]:
         found |= readings_of_block(clues, rest, found, "".join(which[:1]))
         clues.because(f"{wide} columns without names are the {sensor.strips} strips in their order")
         return found
-    cycles = [n for n in names if comes_again(values[n]) or count_strips(texts[n])]
+    cycles = [n for n in names if comes_again(values[n]) or count_strips(texts[n]) or names_strips(clues, n)]
     rest = [n for n in names if n not in cycles and n not in rising]
     told = ROW in clues.table.names or "strip" in {m.role for m in found.values()}
     placed = len(cycles) == 1 or (not cycles and told)
@@ -201,7 +204,7 @@ def roles_without_names(clues: Clues) -> dict[str, Meaning]:
         found |= {n: Meaning("time" if n == rising[-1] or n in clocks else "scan") for n in rising}
         for name in cycles:
             found[name] = Meaning("strip")
-            clues.because(f"{name}: whole numbers that come again and again, so they are the strips")
+            clues.because(f"{name}: numbers or names that come again and again, so they are the strips")
         return found
     if len(names) > wide > 1 and not labels:
         block = ask_for_block(
