@@ -13,7 +13,7 @@ def order_of_neighbours(values: FloatArray) -> list[int]:
     """Return strips in the order, or its reverse, in which they probably lie.
 
     The path through all strips on which neighbours are touched together most often, and read most alike: improved by
-    turning and moving its parts, from each strip on, as for the shortest path through points.
+    turning and moving its parts, from each strip on, as for the shortest path through points. Of equals, as they stand.
 
     Parameters
     ----------
@@ -33,8 +33,9 @@ def order_of_neighbours(values: FloatArray) -> list[int]:
     for a, b in itertools.combinations(range(strips), 2):
         apart = np.abs(values[:, a] - values[:, b]).mean(axis=1) / spread
         alike[a, b] = alike[b, a] = float(np.nansum(1.0 - apart))
-    paths = [_improved(_greedy(alike, first), alike) for first in range(strips)]
-    return max(paths, key=lambda path: _length(path, alike)).tolist()
+    paths = [np.arange(strips), *(_improved(_greedy(alike, first), alike) for first in range(strips))]
+    best = max(_length(path, alike) for path in paths)
+    return next(path.tolist() for path in paths if _length(path, alike) > best - 1e-9)
 
 
 def _length(path: IntArray, alike: FloatArray) -> float:
