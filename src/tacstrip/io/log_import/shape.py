@@ -47,7 +47,7 @@ def in_normal_form(table: Table) -> Table:
     """
     steps: tuple[Callable[[Table], Table], ...] = (
         _without_empty, of_day_and_clock, of_one_clock, of_two_numbers, _spread, upright, _without_units,
-        _of_strips_only, _of_unit_column, _in_one_unit, _split_keys, _of_nothing, _filled, _without_index,
+        _of_strips_only, _of_senders, _of_unit_column, _in_one_unit, _split_keys, _of_nothing, _filled, _without_index,
     )  # fmt: skip
     for step in steps:
         table = step(table) if table.rows else table
@@ -174,6 +174,28 @@ def _of_strips_only(table: Table) -> Table:
             table.of_rows(kept),
             doubts=(*table.doubts, f"{said}: {name} is {', '.join(sorted(others))}, no strip's number; passed over"),
         )  # fmt: skip
+    return table
+
+
+def _of_senders(table: Table) -> Table:
+    """Give the senders in topics such as "glove/left/strip0/vh" a column, if all send of the same strips and ends."""
+    for name in table.names:
+        fields = table.column(name)
+        topics = {f: f.split("/") for f in {*fields}}
+        lengths = {len(parts) for parts in topics.values()}
+        for place in range(lengths.pop() - 1) if len(lengths) == 1 else ():
+            senders: dict[str, set[str]] = {}
+            for parts in topics.values():
+                senders.setdefault(parts[place], set()).add("/".join(parts[:place] + parts[place + 1 :]))
+            rest = meanings(sorted(set().union(*senders.values())))
+            told = {(m.strip, m.channel) for m in rest.values() if m.strip is not None and m.channel}
+            if len(senders) < 2 or len(told) < len(rest) or any(s != {*rest} for s in senders.values()):
+                continue
+            columns = {n: table.column(n) for n in table.names}
+            columns["source"] = [topics[f][place] for f in fields]
+            columns[name] = ["/".join(topics[f][:place] + topics[f][place + 1 :]) for f in fields]
+            if len(columns) > len(table.names):
+                return table.with_columns(columns, f"{name}: topics of {len(senders)} senders")
     return table
 
 
