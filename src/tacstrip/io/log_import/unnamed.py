@@ -165,6 +165,7 @@ def roles_without_names(clues: Clues) -> dict[str, Meaning]:
     found |= {n: meaning(n) for n in labels}
     texts = {n: set(clues.table.column(n)) for n in names}
     which = [n for n in names if are_channels(texts[n])]
+    which = [n for n in which if {meaning(t).channel for t in texts[n]} == {"h", "l"}] or which
     which = [n for n in names if clues.answers.get(n) == "which"] or which
     if sensor and not which and len(names) - len(labels) == sensor.strips and len(clues.expected) == 2:
         which = [n for n in (ROW,) if n in clues.table.names and {*clues.table.column(n)} == {"0", "1"}]
