@@ -26,7 +26,7 @@ def ask_for_block(clues: Clues, why: str, names: list[str], wide: int) -> list[s
     blocks = [f"{names[n]}..{names[n + wide - 1]}" for n in starts or range(len(names) - wide + 1)]
     shown = (blocks[-1], *blocks[:-1][:2])
     if len(blocks) == 1 and len(clues.expected) == 1 and not names[0].startswith("column "):
-        shown = _by_neighbours(clues, names[-wide:])
+        shown = by_neighbours(clues, names[-wide:])
     clues.ask(
         "readings",
         f"{why}: which {wide} are the readings of the strips in their order (else name all, with commas)?",
@@ -36,7 +36,7 @@ def ask_for_block(clues: Clues, why: str, names: list[str], wide: int) -> list[s
     return names[-wide:]
 
 
-def _by_neighbours(clues: Clues, names: list[str]) -> tuple[str, str]:
+def by_neighbours(clues: Clues, names: list[str]) -> tuple[str, str]:
     """Return the order in which columns of one reading for each strip probably lie, and its reverse, as answers."""
     values = np.array([[np.nan if v is None else v for v in clues.values(n)] for n in names]).T[:, :, None]
     values[values <= noise(values)] = np.nan

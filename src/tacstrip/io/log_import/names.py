@@ -35,6 +35,7 @@ _LOW = _words("low") | {q + e for q in _QUANTITY for e in ("l", "lo", "low")}
 _OUT = _words("output")
 # Pairs of channels whose names do not say which end they are of; the readings do (k_h >= k_l).
 _PAIRS = tuple((a, b) for a, _, b in (pair.partition("/") for pair in names_of("pairs")))
+SIDES = tuple(pair for pair in _PAIRS if pair[0] in names_of("left"))
 _ONE_OF_PAIR = frozenset(name for pair in _PAIRS for name in pair)
 _VOLTS = _words("voltage") | {q + e for q in "vu" for e in ("h", "hi", "high", "l", "lo", "low")}
 _VALUE = _VOLTS | _words("value")

@@ -332,15 +332,15 @@ def _unit_by_size(clues: Clues, values: FloatArray, vref: float, bits: int, volt
         whole
         and bits
         and {*fits} == {"code", "mV"}
-        and fits["mV"] < _LITTLE
+        and fits["mV"] < (_MUCH if fits["code"] > _MUCH else _LITTLE)
         and _lies_off_steps(values, vref, bits)
     ):
-        if best < _MUCH and not _codes_said(clues, vref):
+        if (best < _MUCH or fits["mV"] >= _LITTLE) and not _codes_said(clues, vref):
             clues.doubt(
                 f"readings reach {top:g}: taken as codes of {bits} bits, of which adc_bits speaks, for they do not lie "
                 "on the steps of these in mV; else --answer unit=mV"
             )
-        best = max(best, _MUCH)  # so few of the millivolts, and not on the converter's steps of them
+        fits["mV"], best = min(fits["mV"], 0.5 * _LITTLE), max(best, _MUCH)  # not on the converter's steps of them
     likely = [u for u, used in fits.items() if used >= _LITTLE or best < _MUCH]
     likely = [u for u in likely if fits[u] >= _FAINT] or likely
     if not likely and {*fits} == {"code", "mV"}:

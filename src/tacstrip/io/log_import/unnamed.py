@@ -6,7 +6,7 @@ import re
 from dataclasses import replace
 
 from tacstrip.io.log_import import conversion
-from tacstrip.io.log_import.column_blocks import ask_for_block, readings_of_block
+from tacstrip.io.log_import.column_blocks import ask_for_block, by_neighbours, readings_of_block
 from tacstrip.io.log_import.contents import (
     comes_again,
     count_strips,
@@ -19,7 +19,9 @@ from tacstrip.io.log_import.contents import (
 from tacstrip.io.log_import.ends import strip_too
 from tacstrip.io.log_import.fields import clock_seconds, says_nothing
 from tacstrip.io.log_import.names import (
+    SIDES,
     Meaning,
+    is_strip_word,
     meaning,
     numbered_groups,
 )
@@ -28,6 +30,7 @@ from tacstrip.io.log_import.roles import are_channels
 from tacstrip.io.log_import.table import CLOCK, PART, ROW
 from tacstrip.io.log_import.words import names_of
 
+_OF_SIDES = 3  # strips: a left one, a right one, and one between
 _FEW_STATES, _MANY_VALUES = 4, 20  # distinct numbers: of a flag, and of readings
 _MOST_ASKED = 6  # columns, of each of which is asked what it is
 # What a column may be that holds something made of readings, or what is measured beside them.
@@ -85,6 +88,34 @@ def readings_by_contents(
         text = "or of this one"
     clues.stop()
     raise AssertionError
+
+
+def readings_by_words(clues: Clues, known: dict[str, Meaning], taken: set[str]) -> dict[str, Meaning]:
+    """Return as readings the columns whose names are the same but for one word, if these are as many as strips.
+
+    Of three that are left, right and another, the left one is the first strip; the order of others is asked.
+    """
+    if clues.expected != ("out",) or not clues.sensor or clues.sensor.strips < _OF_SIDES:
+        return {}
+    groups: dict[tuple[str, ...], dict[str, str]] = {}
+    for name in [n for n in known if n not in taken and is_numeric(clues, n)]:
+        words = re.findall(r"[^\W\d_]+|\d+", name.casefold())
+        for n in range(len(words)):
+            groups.setdefault((*words[:n], "", *words[n + 1 :]), {})[words[n]] = name
+    found = [g for rest, g in groups.items() if len(g) == clues.sensor.strips and any(map(is_strip_word, rest))]
+    if len(found) != 1 or all(w.isdecimal() for w in found[0]):
+        return {}
+    words, block = [*found[0]], [*found[0].values()]
+    if len(block) == _OF_SIDES and any({left, right} < {*words} for left, right in SIDES):
+        left, right = next(pair for pair in SIDES if {*pair} < {*words})
+        block.sort(key=lambda n: (n != found[0][left]) + (n == found[0][right]))
+        clues.because(f"{', '.join(block)}: the strips from the left")
+    else:
+        clues.ask(
+            "readings", f"the strips are called {', '.join(block)}: in which order do they lie, from the first one on?",
+            *by_neighbours(clues, block),
+        )  # fmt: skip
+    return readings_of_block(clues, block, known, "")
 
 
 def _without_flags(clues: Clues, names: list[str]) -> list[str]:
