@@ -26,7 +26,7 @@ def ask_for_block(clues: Clues, why: str, names: list[str], wide: int) -> list[s
     blocks = [f"{names[n]}..{names[n + wide - 1]}" for n in starts or range(len(names) - wide + 1)]
     shown = (blocks[-1], *blocks[:-1][:2])
     if len(blocks) == 1 and len(clues.expected) == 1 and not names[0].startswith("column "):
-        shown = by_neighbours(clues, names[-wide:])
+        shown = tuple(dict.fromkeys((*by_neighbours(clues, names[-wide:]), *blocks)))
     clues.ask(
         "readings",
         f"{why}: which {wide} are the readings of the strips in their order (else name all, with commas)?",

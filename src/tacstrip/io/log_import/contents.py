@@ -45,7 +45,11 @@ def names_strips(clues: Clues, name: str) -> bool:
     fields = clues.table.column(name)
     words = {*fields}
     strips = clues.sensor.strips if clues.sensor else 0
-    if len(words) != strips or strips < _FEW_SCANS or any(re.search(r"\d", w) or not _WORD.search(w) for w in words):
+    if (
+        len(words) != strips
+        or strips < _FEW_SCANS
+        or any(re.search(r"\d", w) or not _WORD.search(w) for w in words)
+    ):
         return False
     if any(m.strip is not None or m.channel for m in meanings(sorted(words)).values()):
         return False

@@ -88,9 +88,12 @@ _PLACE = re.compile(  # as "y = U / Uref * L, L = 12 cm"
     re.IGNORECASE,
 )
 # The same as "cm = V / Vref * stripLength", where the length stands in a setting of its own.
-_OF_LENGTH = re.compile(r"=\s*\(?\s*[a-z]\w*\s*/\s*\w*ref\w*\s*\)?\s*[*\u00b7x]\s*\w*(?:length|l\u00e4nge)\w*", re.I)
+_OF_LENGTH = re.compile(
+    r"=\s*\(?\s*[a-z]\w*\s*/\s*\w*ref\w*\s*\)?\s*[*\u00b7x]\s*\w*(?:length|l\u00e4nge)\w*", re.I
+)
 _LENGTH_SAID = re.compile(
-    r"(?:length|l\u00e4nge)[ _]?[\[(]?(?P<unit>mm|cm|m)[\])]?[\"']?\s*[:=]\s*(?P<length>\d+(?:[.,]\d+)?)", re.IGNORECASE
+    r"(?:length|l\u00e4nge)[ _]?[\[(]?(?P<unit>mm|cm|m)[\])]?[\"']?\s*[:=]\s*(?P<length>\d+(?:[.,]\d+)?)",
+    re.IGNORECASE,
 )
 _NEAR = 0.02  # relative
 _USUAL = (8, 10, 12, 14, 16, 18, 20, 24)  # bits

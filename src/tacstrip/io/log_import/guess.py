@@ -24,11 +24,18 @@ from tacstrip.io.log_import.doubts import raise_doubts
 from tacstrip.io.log_import.ends import above, ends_exchanged, noise
 from tacstrip.io.log_import.fields import STAMP, is_garbled, number_of, says_nothing
 from tacstrip.io.log_import.mapping import STRIP_ORDERS, ColumnMapping
-from tacstrip.io.log_import.neighbours import order_of_neighbours
 from tacstrip.io.log_import.names import CLOCKS, IN_VOLTS, is_strip_word, meaning, meanings
+from tacstrip.io.log_import.neighbours import order_of_neighbours
 from tacstrip.io.log_import.others import drop_others
 from tacstrip.io.log_import.questions import KEYS, ROLES, Clues, Question, Unanswered
-from tacstrip.io.log_import.scans import LogScan, is_newest_first, is_unsorted, raw_times, scans, strip_numbers
+from tacstrip.io.log_import.scans import (
+    LogScan,
+    is_newest_first,
+    is_unsorted,
+    raw_times,
+    scans,
+    strip_numbers,
+)
 from tacstrip.io.log_import.sides import (
     assigned_otherwise,
     from_the_right_said,
@@ -320,8 +327,10 @@ def _order_names(clues: Clues, found: Columns) -> None:
         return
     values: list[FloatArray] = []
     for n, field in enumerate(fields):
-        if not values or np.isfinite(values[-1][names.index(field)]).any() or (
-            found.scan and clues.table.column(found.scan)[n] != clues.table.column(found.scan)[n - 1]
+        if (
+            not values
+            or np.isfinite(values[-1][names.index(field)]).any()
+            or (found.scan and clues.table.column(found.scan)[n] != clues.table.column(found.scan)[n - 1])
         ):
             values.append(np.full((len(names), len(found.readings)), np.nan))
         read = [number_of(clues.table.column(c)[n], clues.table.decimal) for c in found.readings]
@@ -329,8 +338,8 @@ def _order_names(clues: Clues, found: Columns) -> None:
     order = [names[n] for n in order_of_neighbours(np.stack(values))]
     clues.ask(
         "strip_order",
-        f"strips are called {', '.join(names)}: in which order do they lie, from the first strip on? By which are touched "
-        "together, and read alike, so or in reverse",
+        f"strips are called {', '.join(names)}: in which order do they lie, from the first strip on? By which are "
+        "touched together, and read alike, so or in reverse",
         ",".join(order), ",".join(order[::-1]),
     )  # fmt: skip
     clues.strip_names = ",".join(order)

@@ -151,11 +151,12 @@ class ColumnMapping:
 
     def check(self, place: str) -> None:
         """Raise `OptionError` where it contradicts itself."""
+        listed = self.strip_names or self.order_of_strips(place)
         for name, value, known in (
             ("unit", self.unit, READING_UNITS), ("missing", self.missing, ("untouched", "skip", "error")),
             ("broken_lines", self.broken_lines, ("skip", "error")),
             ("restart", self.restart, RESTARTS),
-            ("strip_order", "" if self.strip_names or self.order_of_strips(place) else self.strip_order, ("", *STRIP_ORDERS)),
+            ("strip_order", "" if listed else self.strip_order, ("", *STRIP_ORDERS)),
         ):  # fmt: skip
             if value not in known:
                 raise OptionError(f"{place}: " + one_of(name, value, known))
@@ -194,9 +195,11 @@ class ColumnMapping:
 
     @property
     def strip_names(self) -> tuple[str, ...]:
-        """Names, from strip 0 on, where the log has these for numbers, such as the colours of wires; () if it has not."""
+        """Names, from strip 0 on, where the log has these for numbers, such as the colours of wires; else ()."""
         names = tuple(n.strip() for n in self.strip_order.split(","))
-        return names if len({*names}) == len(names) > 1 and not any(re.search(r"\d", n) for n in names) else ()
+        return (
+            names if len({*names}) == len(names) > 1 and not any(re.search(r"\d", n) for n in names) else ()
+        )
 
     @property
     def wide(self) -> bool:

@@ -231,7 +231,7 @@ def _parts_of_records(names: Sequence[str]) -> dict[str, str]:
 
 
 def _labelled_inputs(names: Sequence[str]) -> dict[str, str]:
-    """Return the labels of names such as "101 <Strip A hi> (VDC)", without the input's number, if letters tell strips."""
+    """Return the labels of names such as "101 <Strip A hi> (VDC)", without the inputs' numbers, if they have none."""
     found = {n: m for n in names if (m := _LABELLED.fullmatch(n))}
     labels = {n: f"{m[1]} {m[2]}" for n, m in found.items() if not re.search(r"\d", m[1])}
     return labels if len({*labels.values()}) == len(labels) > 1 else {}

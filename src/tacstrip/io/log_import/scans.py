@@ -221,7 +221,7 @@ def _by_number(table: Table, mapping: ColumnMapping) -> Table:
 
 
 def is_unsorted(table: Table, mapping: ColumnMapping) -> bool:
-    """Return whether lines of a strip each, with dates, stand in another order than that of time, none of a scan twice."""
+    """Return whether lines of a strip each, with dates, are not in the order of time, and no strip twice in a scan."""
     keys = [n for n in (mapping.time, mapping.strip, mapping.which) if n]
     if mapping.time_unit != "clock" or not (mapping.time and mapping.strip):
         return False
@@ -479,7 +479,9 @@ def strip_numbers(table: Table, mapping: ColumnMapping) -> list[int]:
     if names := [n.casefold() for n in mapping.strip_names]:
         fields = table.column(column)
         if odd := [n for n, f in enumerate(fields) if f.casefold() not in names]:
-            raise NoTableError(f"line {table.lines[odd[0]]}: {column} is {fields[odd[0]]!r}, not a strip's name")
+            raise NoTableError(
+                f"line {table.lines[odd[0]]}: {column} is {fields[odd[0]]!r}, not a strip's name"
+            )
         return [names.index(f.casefold()) for f in fields]
     for line, text in zip(table.lines, table.column(column), strict=True):
         digits, named = re.findall(r"\d+", text), bool(re.search("[A-Za-z#]", _EXPONENT.sub("", text)))

@@ -247,7 +247,7 @@ def flattened(name: str, value: Any, _level: int = 0) -> dict[str, str]:
 
 
 def _counted(labels: Sequence[Any]) -> tuple[int, int] | None:
-    """Return the first and the last number of labels that are the same but for a number that counts, as S01, S02, ..."""
+    """Return the first and the last number of labels that are the same but for one that counts, as S01, S02, ..."""
     found = [re.fullmatch(r"(\D+)(\d+)", t) if isinstance(t, str) else None for t in labels]
     numbers = [int(m[2]) for m in found if m]
     counted = len(numbers) == len(labels) > 1 and numbers == [*range(numbers[0], numbers[0] + len(numbers))]

@@ -128,7 +128,10 @@ def _as_stamps_run(clues: Clues, name: str, times: FloatArray, unit: str) -> str
         slack = _DRIFT * other + (0.0 if re.search(r"[.,]\d", ends[0]) else 1.0)
         fits = [u for u in (*TIME_UNITS, *_OTHER_UNITS) if abs(span * seconds_of(u) - other) <= slack]
         if span > 0.0 and other > 2.0 * slack and len(fits) == 1 and fits != [unit]:
-            clues.doubt(f"{name}: taken in steps of {fits[0]}, for only so it runs as {stamps} does; else --answer time_unit={unit}")
+            clues.doubt(
+                f"{name}: taken in steps of {fits[0]}, for only so it runs as {stamps} does; else --answer "
+                f"time_unit={unit}"
+            )
             return fits[0]
     return unit
 
@@ -219,7 +222,7 @@ def settled_time(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
 def _with_rate(
     clues: Clues, mapping: ColumnMapping, scans: int, rate: float | None, coarse: bool
 ) -> ColumnMapping:
-    """Return the mapping of a log without a time, by its rate, or a column that rises evenly; asked where neither is."""
+    """Return the mapping of a log without a time, by its rate, or a column that rises evenly; else that is asked."""
     if clues.answers.get("rate_hz") == NO_TIME:
         clues.doubt(
             "the log has no time: time_s is left empty, and what needs it (velocities, drift, recordings) is not "
@@ -297,7 +300,9 @@ def _of_steps(clues: Clues, mapping: ColumnMapping, step: float, counts: bool) -
         clues.because(f"{mapping.time} is in {told[0]}, as a line above says")
         return replace(mapping, time_unit=told[0])
     if _TICKS.search(mapping.time):  # of an operating system, as a rule
-        fits = [u for u in _USUAL_TICKS if step and _RATES_HZ[0] <= 1.0 / (step * seconds_of(u)) <= _RATES_HZ[1]]
+        fits = [
+            u for u in _USUAL_TICKS if step and _RATES_HZ[0] <= 1.0 / (step * seconds_of(u)) <= _RATES_HZ[1]
+        ]
     elif len(fits) == 1 and not strange:
         if fits != ["days"] and step == round(step):  # which may count the ticks of any clock
             clues.doubt(

@@ -102,7 +102,9 @@ def readings_by_words(clues: Clues, known: dict[str, Meaning], taken: set[str]) 
         words = re.findall(r"[^\W\d_]+|\d+", name.casefold())
         for n in range(len(words)):
             groups.setdefault((*words[:n], "", *words[n + 1 :]), {})[words[n]] = name
-    found = [g for rest, g in groups.items() if len(g) == clues.sensor.strips and any(map(is_strip_word, rest))]
+    found = [
+        g for rest, g in groups.items() if len(g) == clues.sensor.strips and any(map(is_strip_word, rest))
+    ]
     if len(found) != 1 or all(w.isdecimal() for w in found[0]):
         return {}
     words, block = [*found[0]], [*found[0].values()]
@@ -121,7 +123,9 @@ def readings_by_words(clues: Clues, known: dict[str, Meaning], taken: set[str]) 
 def _without_flags(clues: Clues, names: list[str]) -> list[str]:
     """Return columns without those of a few whole numbers, as of states, where others have many numbers."""
     there = {n: {v for v in clues.values(n) if v is not None} for n in names}
-    flags = {n for n, values in there.items() if len(values) <= _FEW_STATES and all(v % 1.0 == 0.0 for v in values)}
+    flags = {
+        n for n, values in there.items() if len(values) <= _FEW_STATES and all(v % 1.0 == 0.0 for v in values)
+    }
     varied = all(len(values) > _MANY_VALUES for n, values in there.items() if n not in flags)
     return [n for n in names if n not in flags] if varied else names
 
