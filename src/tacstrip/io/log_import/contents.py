@@ -17,6 +17,7 @@ CLOCK_BITS = (16, 32)
 _STEADY, _MOSTLY = 0.1, 0.7  # so far are steps of a clock from the usual one, and so many of them
 _FEW_SCANS = 3
 _WORD = re.compile(r"[^\W\d_]{2}")
+_SEVERAL = 1.5  # lines of a scan, in the mean
 _FEW_WORDS = 2  # among numbers: one may stand for no contact, which is asked
 
 
@@ -59,7 +60,7 @@ def names_strips(clues: Clues, name: str) -> bool:
             begins.append(n)
             seen = set()
         seen.add(field)
-    return len(fields) > 2 * len(begins) > 2 * _FEW_SCANS
+    return len(fields) > _SEVERAL * len(begins) > _SEVERAL * _FEW_SCANS
 
 
 def counts_strips(clues: Clues, name: str, same: Sequence[str]) -> bool:

@@ -56,7 +56,7 @@ _SUM = re.compile(
     re.IGNORECASE,
 )
 _DIVIDED = re.compile(r"[/\u00f7]|>>|divid|mean\b|averag", re.IGNORECASE)
-_UNITY = re.compile(r"\bgain(?: of| is)?\s?[:=x\u00d7]?\s?1(?:\.0+)?(?![\d.,/:]*\d)", re.IGNORECASE)
+_UNITY = re.compile(r"\bgain(?: of| is)?[\s:=x\u00d7]{0,4}1(?:\.0+)?(?![\d.,/:]*\d)", re.IGNORECASE)
 _OVER_VREF = re.compile(r"\bdivided? by v_?ref", re.IGNORECASE)
 _NUMBER = r"\d+(?:\.\d+)?"
 _ALONE = re.compile(rf"(?<![\w.])(?:[x\u00d7] ?)?({_NUMBER})(?![\w.]*\d)")

@@ -28,7 +28,8 @@ def order_of_neighbours(values: FloatArray) -> list[int]:
     True
     """
     strips = values.shape[1]
-    spread = float(np.nanmax(values) - np.nanmin(values)) or 1.0
+    there = values[np.isfinite(values)]
+    spread = float(np.ptp(there)) if len({*there.tolist()}) > 1 else 1.0
     alike = np.zeros((strips, strips))
     for a, b in itertools.combinations(range(strips), 2):
         apart = np.abs(values[:, a] - values[:, b]).mean(axis=1) / spread

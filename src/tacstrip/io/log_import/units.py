@@ -220,7 +220,7 @@ def _above_vref(clues: Clues, values: FloatArray, unit: str, vref: float, answer
 
 def _check_size(clues: Clues, values: FloatArray, unit: str, top: float, vref: float, answer: str) -> None:
     """Refuse readings above `top`, the most that there can be; ask for the unit, or doubt it, far below that."""
-    if unit and top and values.max() > 1.01 * top:
+    if unit and top and values.max() > 1.01 * top and "unit" not in {q.key for q in clues.questions}:
         raise ReadingError(
             f"a reading of {values.max():g} is above {top:g}, the most that there can be in {unit}; check the unit "
             f"(--answer unit=...) and {'adc_bits' if unit == 'code' else 'vref_volt'} in the spec"

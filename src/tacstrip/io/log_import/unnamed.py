@@ -31,7 +31,7 @@ from tacstrip.io.log_import.table import CLOCK, PART, ROW
 from tacstrip.io.log_import.words import names_of
 
 _OF_SIDES = 3  # strips: a left one, a right one, and one between
-_FEW_STATES, _MANY_VALUES = 4, 20  # distinct numbers: of a flag, and of readings
+_FEW_STATES = 4  # distinct numbers of a flag
 _MOST_ASKED = 6  # columns, of each of which is asked what it is
 # What a column may be that holds something made of readings, or what is measured beside them.
 _DERIVED = frozenset(names_of("derived"))
@@ -57,8 +57,8 @@ def readings_by_contents(
     if sum(known[n].role != "scan" for n in some) == wide:
         some = [n for n in some if known[n].role != "scan"]
     some = [n for n in some if is_numeric(clues, n) or all(map(says_nothing, clues.table.column(n)))]
-    if len(some) > wide > 1 and len(left_ := _without_flags(clues, some)) >= wide:
-        some = left_
+    if len(some) > wide > 1:
+        some = _without_flags(clues, some, wide)
     if len(some) >= wide > 1:
         if len(some) == wide and all(re.fullmatch(r"column \d+", n) for n in some):
             clues.because(f"{wide} columns without names are the strips in their order")
@@ -66,7 +66,7 @@ def readings_by_contents(
         block = ask_for_block(clues, "no name says of which strip a column is", some, wide)
         return readings_of_block(clues, block, known, which)
     if len(left) > many[-1]:
-        left = _without_flags(clues, left)
+        left = _without_flags(clues, left, 1)
     if len(left) in many and taken - {""}:
         made = _DERIVED - ({"sum"} if conversion.summed(clues.table.preamble) else set())
         if odd := [n for n in left if made & set(re.findall(r"[a-z]+", n.lower()))]:
@@ -120,14 +120,11 @@ def readings_by_words(clues: Clues, known: dict[str, Meaning], taken: set[str]) 
     return readings_of_block(clues, block, known, "")
 
 
-def _without_flags(clues: Clues, names: list[str]) -> list[str]:
-    """Return columns without those of a few whole numbers, as of states, where others have many numbers."""
+def _without_flags(clues: Clues, names: list[str], least: int) -> list[str]:
+    """Return columns without those of a few whole numbers, as of states, if at least so many are left."""
     there = {n: {v for v in clues.values(n) if v is not None} for n in names}
-    flags = {
-        n for n, values in there.items() if len(values) <= _FEW_STATES and all(v % 1.0 == 0.0 for v in values)
-    }
-    varied = all(len(values) > _MANY_VALUES for n, values in there.items() if n not in flags)
-    return [n for n in names if n not in flags] if varied else names
+    left = [n for n, found in there.items() if len(found) > _FEW_STATES or any(v % 1.0 for v in found)]
+    return left if len(left) >= least else names
 
 
 def readings_by_number(clues: Clues, known: dict[str, Meaning], taken: set[str]) -> dict[str, Meaning]:
