@@ -14,7 +14,6 @@ from tacstrip.io.log_import.names import (
     pair_of,
 )
 from tacstrip.io.log_import.questions import ROLES, Clues
-from tacstrip.io.log_import.roles import are_channels
 from tacstrip.io.log_import.table import CLOCK, PART, ROW, SHEET
 from tacstrip.io.log_import.words import names_of
 
@@ -32,7 +31,8 @@ def ask_for_sensor(clues: Clues, known: dict[str, Meaning]) -> None:
     table = clues.table
     one = {m.channel for m in known.values() if m.role == "reading"}
     single = clues.expected == ("out",) or {"h", "l"} <= one or bool(len(one) == 2 and pair_of(one))
-    single |= any(m.role == "which" for m in known.values())
+    ends = [n for n in table.names if {meaning(f).channel for f in {*table.column(n)}} == {"h", "l"}]
+    single |= bool(ends)
     named = {n for n, m in known.items() if m.role in ("time", "scan", "strip") and n != CLOCK}
     numbered = any(m.role == "strip" or m.strip is not None for m in known.values())
     of = [n for n in table.names if n in named]
@@ -53,7 +53,7 @@ def ask_for_sensor(clues: Clues, known: dict[str, Meaning]) -> None:
             or (known[name].role == "reading" and known[name].strip is not None)
             or all(clock_seconds(v) is not None or is_date(v) for v in values)
             or _rise_with_scans(fields, when) or _are_quantities(values)
-            or (known[name].role == "which" and are_channels({*values}))
+            or name in ends
         ):  # fmt: skip
             continue
         each = Counter(zip(keys, fields, strict=True)) if keys else Counter()
