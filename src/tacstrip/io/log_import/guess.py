@@ -501,9 +501,7 @@ def _strips(clues: Clues, found: Columns) -> tuple[int, int]:
     """Return the number of the first strip, and how many there are."""
     many = clues.number("strips")
     count = clues.sensor.strips if clues.sensor else int(many) if many else 0
-    if clues.strip_names:
-        return 0, count
-    if found.strip_step:
+    if clues.strip_names or found.strip_step:
         return 0, count
     if found.strip:
         shown = ColumnMapping(columns=found.readings, unit="V", strips=1, strip=found.strip)
@@ -512,59 +510,66 @@ def _strips(clues: Clues, found: Columns) -> tuple[int, int]:
     else:
         there, all_listed = {int(what.partition(":")[0]) for what in found.readings.values()}, True
     low, high = min(there), max(there)
-    base = clues.number("strip_base")
-    said = base  # by the answer, the log, or the spec
+    base = said = clues.number("strip_base")  # by the answer, the log, or the spec
     if base is None:
-        fits = [b for b in (0, 1) if low >= b and (not count or high <= b + count - 1)]
-        if count and len(there) == count == high - low + 1:  # such as pins A2 to A7
-            fits = [low]
-        if count and not fits:
-            raise NoTableError(
-                f"strips are numbered {low} to {high}, and the sensor has {count}{_where(clues, found, high)}; check "
-                "strips in the spec, or say which column is the strip's number: --answer NAME=strip, and NAME=skip of "
-                f"others (they are: {', '.join(clues.table.names[:8])})"
-            )
-        if low in fits and (len(there) == count if count and len(fits) > 1 else all_listed or low == 0):
-            base = low
-        elif len(fits) == 1:
-            base = fits[0]
-        elif (told := base_said((*clues.table.preamble, *clues.table.constants()))) is not None:
-            base = said = told
-            clues.because(f"strips are numbered from {base}, as the log says above them")
-        elif clues.sensor and "strip_base" in (clues.stated or ()) and 0 < clues.sensor.strip_base <= low:
-            base = clues.sensor.strip_base  # which nobody writes unless it is so; 0 is what `init` writes
-            clues.because(
-                f"strips are numbered {low} to {high}: taken as strip_base = {base}, as the spec says; else --answer "
-                f"strip_base={1 - base}"
-            )
-        else:
-            clues.ask(
-                "strip_base",
-                f"strips are numbered {low} to {high}: is the first one 0 or 1?"
-                + (
-                    " (strip_base = 0 of the spec, which `init` writes of itself, tells nothing of the log)"
-                    if clues.sensor and "strip_base" in (clues.stated or ())
-                    else ""
-                ),
-                "0",
-                "1",
-            )
-            base = 0
+        base, said = _base(clues, found, there, count, all_listed)
     elif count and not base <= low <= high <= base + count - 1:
         raise OptionError(
             f"--answer strip_base={base:g}: strips are numbered {low} to {high}, and the sensor has {count}"
         )
-    if not found.numbered:
-        return int(base), count or high - int(base) + 1
-    clues.because(f"strips are numbered from {int(base)}")
-    if said is None and clues.sensor and "strip_base" in (clues.stated or ()):
-        said = clues.sensor.strip_base
-    if said not in (None, base) and base < 2:
-        clues.doubt(
-            f"the log counts its strips from {int(base)}, the readings from {said}, for strip_base = {said} in the "
-            f"spec: strip {int(base)} of the log is strip {said} of the readings; there is nothing to do"
-        )
+    if found.numbered:
+        clues.because(f"strips are numbered from {int(base)}")
+        if said is None and clues.sensor and "strip_base" in (clues.stated or ()):
+            said = clues.sensor.strip_base
+        if said not in (None, base) and base < 2:
+            clues.doubt(
+                f"the log counts its strips from {int(base)}, the readings from {said}, for strip_base = {said} in the "
+                f"spec: strip {int(base)} of the log is strip {said} of the readings; there is nothing to do"
+            )
     return int(base), count or high - int(base) + 1
+
+
+def _base(
+    clues: Clues, found: Columns, there: set[int], count: int, all_listed: bool
+) -> tuple[int, int | None]:
+    """Return the number of the first strip by those that are there, and by what the log says (None: nothing)."""
+    low, high = min(there), max(there)
+    fits = [b for b in (0, 1) if low >= b and (not count or high <= b + count - 1)]
+    if count and len(there) == count == high - low + 1:  # such as pins A2 to A7
+        fits = [low]
+    if count and not fits:
+        raise NoTableError(
+            f"strips are numbered {low} to {high}, and the sensor has {count}{_where(clues, found, high)}; check "
+            "strips in the spec, or say which column is the strip's number: --answer NAME=strip, and NAME=skip of "
+            f"others (they are: {', '.join(clues.table.names[:8])})"
+        )
+    if low in fits and (len(there) == count if count and len(fits) > 1 else all_listed or low == 0):
+        return low, None
+    if len(fits) == 1:
+        return fits[0], None
+    if (told := base_said((*clues.table.preamble, *clues.table.constants()))) is not None:
+        clues.because(f"strips are numbered from {told}, as the log says above them")
+        return told, told
+    stated = bool(clues.sensor and "strip_base" in (clues.stated or ()))
+    if clues.sensor and stated and 0 < clues.sensor.strip_base <= low:
+        base = clues.sensor.strip_base  # which nobody writes unless it is so; 0 is the default
+        clues.because(
+            f"strips are numbered {low} to {high}: taken as strip_base = {base}, as the spec says; else --answer "
+            f"strip_base={1 - base}"
+        )
+        return base, None
+    clues.ask(
+        "strip_base",
+        f"strips are numbered {low} to {high}: is the first one 0 or 1?"
+        + (
+            " (strip_base = 0 of the spec, which may be no more than the default, tells nothing of the log)"
+            if stated
+            else ""
+        ),
+        "0",
+        "1",
+    )
+    return 0, None
 
 
 def _strip_order(clues: Clues, found: Columns, strips: int) -> str:

@@ -226,19 +226,8 @@ def roles_without_names(clues: Clues) -> dict[str, Meaning]:
         found |= readings_of_block(clues, rest, found, "".join(which[:1]))
         clues.because(f"{wide} columns without names are the {sensor.strips} strips in their order")
         return found
-    cycles = [n for n in names if comes_again(values[n]) or count_strips(texts[n]) or names_strips(clues, n)]
-    rest = [n for n in names if n not in cycles and n not in rising]
-    told = ROW in clues.table.names or "strip" in {m.role for m in found.values()}
-    placed = len(cycles) == 1 or (not cycles and told)
-    if placed and len(rest) in (1, 2) and (not sensor or len(rest) == channels):
-        found |= dict(
-            zip(rest, (Meaning("reading", c) for c in ("ab" if len(rest) == 2 else ("",))), strict=False)
-        )
-        found |= {n: Meaning("time" if n == rising[-1] or n in clocks else "scan") for n in rising}
-        for name in cycles:
-            found[name] = Meaning("strip")
-            clues.because(f"{name}: numbers or names that come again and again, so they are the strips")
-        return found
+    if found_long := _of_lines_per_strip(clues, found, names, values, rising, clocks, channels):
+        return found_long
     if len(names) > wide > 1 and not labels:
         block = ask_for_block(
             clues, f"the {len(names)} columns have no names", names[names[0] in rising :], wide
@@ -255,3 +244,26 @@ def roles_without_names(clues: Clues) -> dict[str, Meaning]:
     )  # fmt: skip
     clues.stop()
     raise AssertionError
+
+
+def _of_lines_per_strip(
+    clues: Clues, found: dict[str, Meaning], names: list[str], values: dict[str, list[float | None]],
+    rising: list[str], clocks: list[str], channels: int,
+) -> dict[str, Meaning]:  # fmt: skip
+    """Return what columns are where one has the strips in turn, and as many as channels are left; else none."""
+    cycles = [
+        n for n in names
+        if comes_again(values[n]) or count_strips({*clues.table.column(n)}) or names_strips(clues, n)
+    ]  # fmt: skip
+    rest = [n for n in names if n not in cycles and n not in rising]
+    told = ROW in clues.table.names or "strip" in {m.role for m in found.values()}
+    placed = len(cycles) == 1 or (not cycles and told)
+    if not placed or len(rest) not in (1, 2) or (clues.sensor and len(rest) != channels):
+        return {}
+    ends = "ab" if len(rest) == 2 else ("",)
+    found = found | {n: Meaning("reading", c) for n, c in zip(rest, ends, strict=True)}
+    found |= {n: Meaning("time" if n == rising[-1] or n in clocks else "scan") for n in rising}
+    for name in cycles:
+        found[name] = Meaning("strip")
+        clues.because(f"{name}: numbers or names that come again and again, so they are the strips")
+    return found
