@@ -177,7 +177,7 @@ def test_ticks_and_full_scales_are_offered_as_they_are_in_use() -> None:
     ]
     choices = asked("\n".join([head, *said]), PLC)
     assert choices["time_unit"] == ("ms", "10ms")
-    assert choices["unit"] == ("16bit", "1/27648")
+    assert choices["unit"][:2] == ("16bit", "1/27648")
     found = propose(of_text("\n".join([head, *said])), PLC, {"time_unit": "10ms", "unit": "1/27648"})
     assert (found.mapping.unit, found.mapping.scale) == ("fraction", pytest.approx(1 / 27648))
 

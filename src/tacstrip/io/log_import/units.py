@@ -35,6 +35,7 @@ _LITTLE, _MUCH = 0.21, 0.5
 BITS = (8, 10, 12, 14, 16, 24)
 # Codes that are full scale and no power of two: of the analog inputs of a PLC, which go on for a part beyond.
 _OTHER_FULL_SCALES, _OVER_FULL = (27648,), 1.176
+_USUAL_MV = (0.125, 0.1875)  # of a code of converters with a reference of their own, such as the ADS1115
 _FEW_CODES = 6  # distinct readings that lie on a converter's steps: no chance
 _CODES_SAID = re.compile(r"\b(?:adc|raw|codes?|counts?|lsbs?|digits?)\b", re.IGNORECASE)
 _PERCENT = (20.0, 100.0)  # between which the largest reading of a sensor in percent lies as a rule
@@ -297,12 +298,13 @@ def _bits(clues: Clues, values: FloatArray, bits: int, scale: float) -> int:
         fits = _bits_that_fit(float(values.max()))
         why = f"and adc_bits = {bits}" if bits else "and the spec has no adc_bits"
         beside = "(If its range is not Vref, say the volts of a code: unit=0.125mV)" if not bits else ""
-        ways = [f"{b}bit" for b in fits] + _other_full_scales(float(values.max())) * (not bits)
+        ways = [f"{b}bit" for b in fits]
+        ways += _other_steps(float(values.max()), clues.sensor.vref_volt) * (not bits)
         if _asked_with_bits(clues, ways, beside):
             return 0
         text = f"codes reach {values.max():g}, {why}: how many bits has the converter? {beside}".rstrip()
         if len(ways) > len(fits):
-            clues.ask("unit", f"{text} Or which code is Vref (1/27648)?", *ways)
+            clues.ask("unit", f"{text} Or which code is Vref (unit=1/27648)?", *ways)
             return 0
         clues.ask("adc_bits", text, *fits)
         return 0
@@ -321,8 +323,12 @@ def _bits_that_fit(top: float) -> list[str]:
     return [str(b) for b in [b for b in fits if top > _FAINT * 2.0**b][:3] or fits[:1]]
 
 
-def _other_full_scales(top: float) -> list[str]:
-    return [f"1/{n}" for n in _OTHER_FULL_SCALES if _MUCH * n < top <= _OVER_FULL * n]
+def _other_steps(top: float, vref: float) -> list[str]:
+    """Return what a code may be but Vref over a power of two, of those in use: parts of Vref, or volts."""
+    parts = [f"1/{n}" for n in _OTHER_FULL_SCALES if _MUCH * n < top <= _OVER_FULL * n]
+    return parts + [
+        f"{mv:g}mV" for mv in _USUAL_MV if _LITTLE * vref < 1e-3 * mv * top <= (1.0 + _OFF_VREF) * vref
+    ]
 
 
 def _asked_with_bits(clues: Clues, ways: list[str], beside: str) -> bool:
