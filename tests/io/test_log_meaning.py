@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import tacstrip as ts
-from tacstrip.io.log_import.json_records import of_values
 from tacstrip.io.log_import.guess import propose
+from tacstrip.io.log_import.json_records import of_values
 from tacstrip.io.log_import.neighbours import order_of_neighbours
 from tacstrip.io.log_import.questions import Unanswered
 from tacstrip.io.log_import.table import Table
@@ -106,8 +106,8 @@ def test_topics_of_several_senders_are_one_question(form: str) -> None:
 @pytest.mark.parametrize("haut", ["Haut_Streifen{:02d}_U{}", "Top_Strip{}_v{}"])
 def test_a_word_of_an_end_that_all_names_have_says_nothing(haut: str) -> None:
     said = [
-        f"{haut.format(s + 1, end)};2026-03-04 10:00:{n:02d};{'0' if OPEN[n, s] else f'{v[n, s]:.3f}'.replace('.', ',')};"
-        f"{int(not OPEN[n, s])}"
+        f"{haut.format(s + 1, end)};2026-03-04 10:00:{n:02d};"
+        + ("0;0" if OPEN[n, s] else f"{v[n, s]:.3f};1".replace(".", ","))
         for n in range(SCANS) for s in range(STRIPS) for end, v in (("H", HIGH), ("L", LOW))
     ]  # fmt: skip
     values = read("\n".join(["VarName;TimeString;VarValue;Validity", *said]))
@@ -147,7 +147,9 @@ def test_dated_lines_that_are_not_in_the_order_of_time_are_put_in_it_and_those_t
 def test_places_along_the_strip_by_a_formula_and_the_length_beside_it(named: str) -> None:
     low, high = named.format("cm", "cm").split("|")
     frames = [
-        {"t_ms": 50 * n, "touches": [{"strip": s, low: LOW[n, s] * 2.4, high: HIGH[n, s] * 2.4} for s in range(STRIPS) if not OPEN[n, s]]}
+        {"t_ms": 50 * n, "touches": [
+            {"strip": s, low: LOW[n, s] * 2.4, high: HIGH[n, s] * 2.4} for s in range(STRIPS) if not OPEN[n, s]
+        ]}
         for n in range(SCANS)
     ]  # fmt: skip
     log = {"settings": {"length_cm": 12.0, "note": "cm = V / Vref * length"}, "frames": frames}
