@@ -218,3 +218,15 @@ def test_a_daemon_that_starts_again_says_the_same_again() -> None:
         [head.format(1, 812), "time_s,strip,v_h,v_l", *said[:30], head.format(7, 1071), *said[30:]]
     )
     assert "part" not in of_text(text).names
+
+
+def test_a_row_without_a_time_is_no_scan_though_another_row_stands_twice() -> None:
+    rows = [
+        f"{n / 10:.1f}," + ",".join("" if np.isnan(v) else f"{v:.3f}" for v in BOTH[n].ravel())
+        for n in range(SCANS)
+    ]
+    rows = [*rows[:9], *rows[8:], "," + ",".join(["1.700", "1.200"] * STRIPS)]
+    head = "time_s," + ",".join(f"S{s} {e} [V]" for s in range(STRIPS) for e in "hl")
+    with pytest.raises(Unanswered, match="leave them out"):
+        read("\n".join([head, *rows]))
+    np.testing.assert_allclose(read("\n".join([head, *rows]), broken_lines="skip"), BOTH, atol=1e-3)

@@ -31,8 +31,8 @@ def ask_for_sensor(clues: Clues, known: dict[str, Meaning]) -> None:
     table = clues.table
     one = {m.channel for m in known.values() if m.role == "reading"}
     single = clues.expected == ("out",) or {"h", "l"} <= one or bool(len(one) == 2 and pair_of(one))
-    pairs = {n: fields for n in table.names if len(fields := {*table.column(n)}) == 2}
-    ends = [n for n, fields in pairs.items() if {meaning(f).channel for f in fields} == {"h", "l"}]
+    pairs = {n: there for n in table.names if len(there := {*table.column(n)}) == 2}
+    ends = [n for n, there in pairs.items() if {meaning(f).channel for f in there} == {"h", "l"}]
     single |= bool(ends)
     named = {n for n, m in known.items() if m.role in ("time", "scan", "strip") and n != CLOCK}
     numbered = any(m.role == "strip" or m.strip is not None for m in known.values())

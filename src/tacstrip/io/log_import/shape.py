@@ -36,6 +36,7 @@ _UNITS_COLUMN = re.compile(
 )
 _PAIR = re.compile(r"[\[(<]?\s*(\S+?)(\s*[/|:;~&]\s*|\s+)(\S+?)\s*[\])>]?")  # of the two ends
 _FEW_KEYS, _SHOWN = 3, 5  # names of strips in a column; lines that are quoted
+_MOSTLY_ONCE = 0.9  # of the rows: so many times are those of one row each, where some may stand twice
 _FEW_BLANKS = 0.25  # of the rows: where more have no time, cells are merged
 
 
@@ -339,7 +340,7 @@ def _filled(table: Table) -> Table:
             not strips
             and role == "time"
             and blank <= _FEW_BLANKS * len(fields)
-            and len(set(fields)) > len(fields) - blank
+            and len(set(fields)) > _MOSTLY_ONCE * (len(fields) - blank)
         ):
             kept = [bool(f) for f in fields]
             rows = [row for row, k in zip(table.rows, kept, strict=True) if k]

@@ -317,7 +317,7 @@ def _bits_that_fit(top: float) -> list[str]:
     Examples
     --------
     >>> _bits_that_fit(661.0), _bits_that_fit(22142.0), _bits_that_fit(9.0)
-    (['10', '12', '14'], ['16'], ['8', '10', '12'])
+    (['10', '12', '14'], ['16'], ['8', '10'])
     """
     fits = [b for b in BITS if top <= 2.0**b - 1.0]
     return [str(b) for b in [b for b in fits if top > _FAINT * 2.0**b][:3] or fits[:1]]
