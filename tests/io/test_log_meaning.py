@@ -40,6 +40,13 @@ def asked(log: str | Table, sensor: ts.Sensor = TWO) -> dict[str, tuple[str, ...
     return {q.key: q.choices for q in open_.value.questions}
 
 
+def of_json(log: dict[str, object]) -> Table:
+    """Return the table of a log in JSON."""
+    table = of_values(json.loads(json.dumps(log)), "log")
+    assert table is not None
+    return table
+
+
 def lines(of: Callable[[int, int], str], order: tuple[int, ...] = tuple(range(STRIPS))) -> list[str]:
     """Return a line for each touched strip of each scan, strips in an order."""
     return [of(n, s) for n in range(SCANS) for s in order if not OPEN[n, s]]
@@ -152,13 +159,12 @@ def test_places_along_the_strip_by_a_formula_and_the_length_beside_it(named: str
         ]}
         for n in range(SCANS)
     ]  # fmt: skip
-    log = {"settings": {"length_cm": 12.0, "note": "cm = V / Vref * length"}, "frames": frames}
-    found = propose(of_values(json.loads(json.dumps(log)), "log"), TWO, {"strip_base": "0"})
+    settings = {"length_cm": 12.0, "note": "cm = V / Vref * length"}
+    found = propose(of_json({"settings": settings, "frames": frames}), TWO, {"strip_base": "0"})
     np.testing.assert_allclose(
         np.stack([s.values for s in found.scans]) * found.mapping.scale * 5.0, BOTH, atol=1e-3
     )
-    log["settings"]["length_cm"] = 15.0
-    assert "unit" in asked(of_values(json.loads(json.dumps(log)), "log"))
+    assert "unit" in asked(of_json({"settings": settings | {"length_cm": 15.0}, "frames": frames}))
 
 
 def test_a_time_that_runs_as_dates_do_in_one_unit_only_is_in_it() -> None:
@@ -181,7 +187,8 @@ def test_ticks_and_full_scales_are_offered_as_they_are_in_use() -> None:
     assert choices["time_unit"] == ("ms", "10ms")
     assert choices["unit"][:2] == ("16bit", "1/27648")
     found = propose(of_text("\n".join([head, *said])), PLC, {"time_unit": "10ms", "unit": "1/27648"})
-    assert (found.mapping.unit, found.mapping.scale) == ("fraction", pytest.approx(1 / 27648))
+    assert found.mapping.unit == "fraction"
+    assert found.mapping.scale == pytest.approx(1 / 27648)
 
 
 @pytest.mark.parametrize("gain", ["gain 1 (+-4.096 V)", "gain: x1, 128 SPS"])
