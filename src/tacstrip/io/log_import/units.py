@@ -393,16 +393,21 @@ def _likely_units(
     """Return the units that are left of those that fit, by how much of them is used, and by the converter's steps."""
     whole, top = bool((values == np.round(values)).all()), float(values.max())
     best = max(fits.values(), default=0.0)
-    in_mv, least = fits.get("mV", 0.0), _MUCH if fits.get("code", 0.0) > _MUCH else _LITTLE
-    if whole and bits and {*fits} == {"code", "mV"} and in_mv < least and _lies_off_steps(values, vref, bits):
-        if (best < _MUCH or in_mv >= _LITTLE) and not _codes_said(clues, vref):
+    in_mv = fits.get("mV", 0.0)
+    if (
+        whole
+        and bits
+        and {*fits} == {"code", "mV"}
+        and in_mv < _LITTLE
+        and _lies_off_steps(values, vref, bits)
+    ):
+        if best < _MUCH and not _codes_said(clues, vref):
             clues.doubt(
                 f"readings reach {top:g}: taken as codes of {bits} bits, of which adc_bits speaks, for they do not lie "
                 "on the steps of these in mV; else --answer unit=mV"
             )
-        in_mv, best = min(in_mv, 0.5 * _LITTLE), max(best, _MUCH)
-    used = fits | ({"mV": in_mv} if "mV" in fits else {})
-    likely = [u for u, part in used.items() if part >= _LITTLE or best < _MUCH]
+        best = max(best, _MUCH)  # so few of the millivolts, and not on the converter's steps of them
+    likely = [u for u, part in fits.items() if part >= _LITTLE or best < _MUCH]
     likely = [u for u in likely if not vref or fits[u] >= _FAINT] or likely
     if not likely and {*fits} == {"code", "mV"}:
         likely = ["code"]  # not those millivolts, however few codes they are
