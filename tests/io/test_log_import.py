@@ -186,8 +186,10 @@ def test_whole_numbers_of_an_unknown_converter_may_be_millivolts() -> None:
     with pytest.raises(Unanswered) as asked:
         propose(of_text(text), plain)
     open_ = {q.key: q for q in asked.value.questions}
-    assert open_["unit"].choices == ("mV", "code")
-    assert open_["adc_bits"].text.startswith("if unit=code")
+    assert [*open_] == ["unit"]
+    assert open_["unit"].choices == ("mV", "10bit", "12bit", "14bit")
+    of_ten = propose(of_text(text), plain, {"unit": "10bit"}).mapping
+    assert (of_ten.unit, of_ten.adc_bits) == ("code", 10)
     assert propose(of_text(text), plain, {"unit": "mV"}).mapping.unit == "mV"
     codes_of_ten = propose(of_text(text), plain, {"adc_bits": "10"})
     assert codes_of_ten.mapping.unit == "code"

@@ -60,7 +60,10 @@ def raise_doubts(clues: Clues, mapping: ColumnMapping) -> None:
         if name in used or name in clues.answers or not all_are(name.replace("_", " "), "validity"):
             continue
         fields = clues.table.column(name)
-        if len(set(fields)) > 1:
+        at = dict(zip(clues.table.lines, fields, strict=True))
+        if (
+            len({at[line] for line, *_ in _readings(clues, mapping)}) > 1
+        ):  # else it says where nothing touches
             line = clues.table.lines[next(n for n, f in enumerate(fields) if f != fields[0])]
             clues.ask(
                 name,
