@@ -310,8 +310,12 @@ class _Gathering:
 
         A number without a name then says which one a line is of.
         """
-        strips = [n for n in usual if meaning(n).role == "strip"]
-        if strips and _NAMELESS in usual and len({r.values.get(strips[0]) for r in self.records}) == 1:
+        strips = [n for n in self.records[0].values if n in usual and meaning(n).role == "strip"]
+        if (
+            strips
+            and _NAMELESS in usual
+            and len({*(tuple(map(r.values.get, strips)) for r in self.records)}) == 1
+        ):
             once = strips.pop()
             self.above += [i for i, found in self.parsed if once in _fields(found)]
             for one in (*(r.values for r in self.records), *(v.labels for v in (*self.void, *self.timed))):

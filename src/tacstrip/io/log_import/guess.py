@@ -20,7 +20,7 @@ from tacstrip.io.log_import.broken import are_torn, hold_readings, of_other_kind
 from tacstrip.io.log_import.changes import ask_for_notes
 from tacstrip.io.log_import.columns import Columns, find_columns
 from tacstrip.io.log_import.contents import names_strips
-from tacstrip.io.log_import.doubts import raise_doubts
+from tacstrip.io.log_import.doubts import backwards, raise_doubts
 from tacstrip.io.log_import.ends import above, ends_exchanged, noise
 from tacstrip.io.log_import.fields import STAMP, is_garbled, number_of, says_nothing
 from tacstrip.io.log_import.mapping import STRIP_ORDERS, ColumnMapping
@@ -193,7 +193,8 @@ def _proposed(
         raise Unanswered(replace(first, text=text), *others) from None
     dropped: list[int] = []
     found = scans(clues.table, mapping, dropped)
-    doubts = [*left_out(table, dropped), *ends_exchanged(found, mapping, clues.answers.get("exchanged", ""))]
+    exchanged = ends_exchanged(found, mapping, clues.answers.get("exchanged", ""))
+    doubts = [*left_out(table, dropped), *backwards(clues.table, mapping), *exchanged]
     return Proposal(mapping, at_rest(found, mapping, sensor), tuple(clues.reasons), (*clues.doubts, *doubts))
 
 
