@@ -94,7 +94,8 @@ def _ends_there(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray])
     """Return on which strips (n,) at either end readings were left out that fit a contact that narrows there at once.
 
     By a notch, or as one of two objects goes on: put back, l and u are convex up to there, and one of them beyond, too.
-    A reading at ground or Vref shows its fault in itself.
+    On an outermost strip that the contact covers further, as an L does, one of them goes straight on: of a fault, which
+    moves both, that would be chance. A reading at ground or Vref shows its fault in itself.
     """
     read = np.stack([readings["kh"], readings["kl"]])
     x = run.problem.x * run.problem.width_mm
@@ -115,7 +116,17 @@ def _ends_there(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray])
         found[i] = all(_convex_with(*chain, inner, i, _STAYS) for chain in chains) and (
             beyond == 0 or any(_convex_with(*chain, sound, i, _STAYS) for chain in chains)
         )
+        if beyond == 0:
+            near = sound & (np.abs(at - i) <= _OUTER)
+            found[i] |= any(_goes_straight_on(*chain, near, i) for chain in chains)
     return found
+
+
+def _goes_straight_on(x: FloatArray, y: FloatArray, weight: FloatArray, near: BoolArray, i: int) -> bool:
+    """Whether a chain y (n,) of the strips near to i, `_OUTER` of them, lies on a line with strip i."""
+    return np.count_nonzero(near) == _OUTER and all(
+        _convex_with(x, side * y, weight, near, i, _STAYS) for side in (1.0, -1.0)
+    )
 
 
 def _convex_with(
@@ -240,7 +251,11 @@ def _moves_both(
     x, chains = _chains(run, sensor, readings, sigma)
     if np.abs(chains[:, 0, i] / sensor.length_mm - ends.ends[:, i] * (1.0, -1.0)).max() < _GAP:
         return False
-    others = np.isfinite(chains).all(axis=(0, 1)) & (np.arange(len(x)) != i)
+    at = np.arange(len(x))
+    others = np.isfinite(chains).all(axis=(0, 1)) & (at != i)
+    near = others & (np.abs(at - i) <= _OUTER)
+    if i in (at[0], at[-1]) and any(_goes_straight_on(x, y, w, near, i) for y, w in chains):
+        return False
     return not any(_convex_with(x, y, w, others, i, _ELSEWHERE) for y, w in chains)
 
 
