@@ -46,7 +46,7 @@ class Likelihood:
         lower, width = np.where(on.there, on.lower, 0.0), np.where(on.there, on.upper - on.lower, 0.0)
         lost, within = self._eroded(width)
         d = 1.0 - p.narrow * within
-        linear = self.weight * d**2
+        linear = self.weight / d**2  # a reading moves by 1 / d of l
         total = linear.sum(axis=1)
         lowest = ((self.k * d - p.shares[0] * within - lost - lower) * linear).sum(axis=1) / total
         room = 1.0 - on.height
