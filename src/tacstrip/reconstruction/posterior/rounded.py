@@ -231,7 +231,8 @@ class _Seen:
         weight = np.add.reduceat(p.weight[0], starts)
         mean = np.add.reduceat(p.weight[0] * p.k[0], starts) / np.where(weight > 0.0, weight, 1.0)
         x, width = (np.add.reduceat(v, starts) / np.diff(np.append(starts, len(p.x))) for v in (p.x, width))
-        linear = weight / (1.0 - p.narrow * width) ** 2  # the residual of k (1 - n w) = l + a w is (1 - n w) that of k
+        d = 1.0 - p.narrow * np.minimum(width, _HIGHEST)
+        linear = weight / d**2  # of k d - l - a w: d times as large as the errors of k
         return cls(x, mean, weight, linear, float(p.shares[0]), p.narrow, window)
 
     def fitted(
