@@ -33,7 +33,7 @@ PROMISED_IOU = 0.8  # of an outline that is "ok" with the true one
 ENOUGH = 0.77  # confidence of the least certain "ok": all of them together are right in 95 of 100 cases
 ENOUGH_OF_FEW = 0.85  # with both signatures on fewer than `ENOUGH_STRIPS`: many are hardly surer
 # With one signature, where many are hardly surer than that.
-ENOUGH_OF_ONE: Mapping[Effort, float] = {"thorough": 0.8, "fast": 0.73}
+ENOUGH_OF_ONE: Mapping[Effort, float] = {"thorough": 0.78, "fast": 0.73}
 _EVALUATIONS = {"thorough": 300_000, "fast": 14_000}
 # Both signatures on fewer strips leave outlines of more corners open, which so few draws would miss.
 HELD_STRIPS, _EVALUATIONS_OF_FEW = 5, 56_000
