@@ -91,25 +91,6 @@ def test_the_evidence_is_the_integral_of_the_likelihood() -> None:
     assert disc == pytest.approx(exponent.max() + np.log(np.exp(exponent - exponent.max()).mean()), abs=0.7)
 
 
-def test_the_likelihood_is_an_integral_over_places_along_the_strip() -> None:
-    """Of upright rectangles of any height: a reading moves by the more, the more of the strip is covered."""
-    problem = _problem(shapely.box(20.0, 30.0, 100.0, 70.0))
-    likelihood = Likelihood.of(problem, _window(problem))
-    z = np.full((6, NUMBERS), 0.5)
-    z[:, 2], z[:, 4] = np.linspace(0.1, 0.55, 6), 0.0  # of the ratio of the axes; sharp corners
-    some = Outlines(np.full(6, KINDS.index("upright rectangle")), np.zeros(6, dtype=bool), z)
-    log, misfit, lowest = likelihood.weighed(some)
-    assert len(likelihood.x) == len(problem.x)
-    for i, height in enumerate(likelihood.placement.placed(some, likelihood.x).height):
-        room = 1.0 - height
-        places, step = np.linspace(0.0, room, 20_001, retstep=True)
-        read = problem.readings_of(places[:, None], places[:, None] + height)[:, 0]
-        half = 0.5 * (read - problem.k[0]) ** 2 @ problem.weight[0]
-        assert lowest[i] == pytest.approx(places[half.argmin()], abs=2.0 * step)
-        integral = np.log(np.exp(half.min() - half).sum() * step / room) - half.min()
-        assert log[i] - misfit[i] == pytest.approx(integral, abs=0.01)
-
-
 def test_a_disc_is_found_and_a_pentagon_is_none_of_them() -> None:
     problem = _problem(DISC)
     found = draw_regular(problem, _window(problem), np.linspace(0.0, 1.0, 40), 1.0)

@@ -231,8 +231,7 @@ class _Seen:
         weight = np.add.reduceat(p.weight[0], starts)
         mean = np.add.reduceat(p.weight[0] * p.k[0], starts) / np.where(weight > 0.0, weight, 1.0)
         x, width = (np.add.reduceat(v, starts) / np.diff(np.append(starts, len(p.x))) for v in (p.x, width))
-        d = 1.0 - p.narrow * np.minimum(width, _HIGHEST)
-        linear = weight / d**2  # of k d - l - a w: d times as large as the errors of k
+        linear = weight * (1.0 - p.narrow * width) ** 2
         return cls(x, mean, weight, linear, float(p.shares[0]), p.narrow, window)
 
     def fitted(

@@ -45,8 +45,8 @@ class Likelihood:
         on, p = self.placement.placed(some, self.x), self.problem
         lower, width = np.where(on.there, on.lower, 0.0), np.where(on.there, on.upper - on.lower, 0.0)
         lost, within = self._eroded(width)
-        d = np.maximum(1.0 - p.narrow * within, 1e-3)
-        linear = self.weight / d**2  # of k d - l - a w: d times as large as the errors of k
+        d = 1.0 - p.narrow * within
+        linear = self.weight * d**2
         total = linear.sum(axis=1)
         lowest = ((self.k * d - p.shares[0] * within - lost - lower) * linear).sum(axis=1) / total
         room = 1.0 - on.height
