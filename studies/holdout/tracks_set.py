@@ -144,6 +144,9 @@ class Verdict:
     iou: float = 0.0
     far: float = math.nan  # in the median scan: Hausdorff's distance of the outlines, beside what is stated
     beyond: bool = False
+    unsaid: bool = (
+        False  # of another count, and some of the true outline farther from it than a corner unseen may be
+    )
     shape_square: float = math.nan  # probability of chi square below the shape's error
     pose_squares: list[float] = field(default_factory=list)
     place_squares: list[float] = field(default_factory=list)  # likewise of the centroids, of any outline
@@ -441,6 +444,7 @@ def judged(of: Scene) -> Verdict:
     if one.covariance is not None and one.by_scan is None:
         found.place_squares = [_place_square(one, of, int(i)) for i in shown]
     found.counted = of.curved or len(one.outline) == len(of.outline)
+    found.unsaid = not found.counted and _unsaid(one, of, shown)
     found.right = found.iou >= RIGHT and found.counted
     if of.curved or not found.counted:
         return found
@@ -465,6 +469,30 @@ def _median_distance(one: ts.Track, of: Scene, shown: IntArray) -> float:
         return math.inf
     apart = [hausdorff_mm(at(one.outline, one.poses[i]), at(of.outline, of.poses[i])) for i in few]
     return float(np.median(apart))
+
+
+def _unsaid(one: ts.Track, of: Scene, shown: IntArray) -> bool:
+    """Whether a corner lies farther from the other outline than the track says that one more unseen may change it."""
+    assert of.outline is not None
+    if len(one.unseen_corner_mm) != len(one.outline):
+        return True
+    poses, back = one.poses[shown], []
+    for pose, own in zip(poses, of.poses[shown], strict=True):
+        away = at(of.outline, own) - pose[:2]
+        back.append(at(away, np.array([0.0, 0.0, -pose[2]])))
+    true, said = np.median(back, axis=0), one.unseen_corner_mm
+    apart, edge = _from_edges(true, one.outline)
+    missing, _ = _from_edges(one.outline, true)
+    return bool((apart > said[edge]).any() or (missing > np.maximum(said, np.roll(said, 1))).any())
+
+
+def _from_edges(points: Array, outline: Array) -> tuple[Array, IntArray]:
+    """Return how far points (M, 2) are from an outline [mm], and from which edge each (M,)."""
+    along = np.roll(outline, -1, axis=0) - outline
+    from_begin = points[:, None] - outline
+    share = np.clip((from_begin * along).sum(axis=2) / (along**2).sum(axis=1), 0.0, 1.0)
+    apart = np.hypot(*(from_begin - share[..., None] * along).transpose(2, 0, 1))
+    return apart.min(axis=1), apart.argmin(axis=1)
 
 
 def hausdorff_mm(a: Array, b: Array) -> float:
@@ -547,7 +575,7 @@ def claims(scenes: list[Scene], found: list[Verdict]) -> str:
             status = [v.status for v in some]
             cells = [f"{what}: {value}", str(len(some)), *(str(status.count(s)) for s in ("ok", "likely"))]
             cells += [str(sum(wrong)) for wrong in ([v.beyond for v in said], [v.iou < RIGHT for v in said])]
-            cells.append(str(sum(not v.counted for v in said)))
+            cells += [str(sum(wrong)) for wrong in ([not v.counted for v in said], [v.unsaid for v in said])]
             cells.append(f"{sum(not v.claims and not v.beyond and v.counted for v in some)}")
             for part in (said, some):
                 held = [v.shape_square < LEVEL for v in part if np.isfinite(v.shape_square)]
@@ -585,8 +613,8 @@ HEAD = (
     "95 % shape | poses | ms a scan |\n" + "| --- " * 15 + "|"
 )
 CLAIMS_HEAD = (
-    "| drawn | scenes | ok | likely | claimed: beyond | IoU < .8 | count | right, doubted | claimed: 95 % shape "
-    "| poses | places | all: 95 % shape | poses | places |\n" + "| --- " * 14 + "|"
+    "| drawn | scenes | ok | likely | claimed: beyond | IoU < .8 | count | and unsaid | right, doubted "
+    "| claimed: 95 % shape | poses | places | all: 95 % shape | poses | places |\n" + "| --- " * 15 + "|"
 )
 LIMITS = (
     "| row | scenes | bound of the readings, median | p90 | above {mm:g} mm "
@@ -646,7 +674,8 @@ def main() -> None:
                 print(  # noqa: T201
                     f"{number:3d} {of.kind} {of.motion} {of.noise} {len(of.poses)} {corners} {one.status:9s} "
                     f"{'right' if one.right else 'wrong'} count {one.counted} far {one.far:.2f} "
-                    f"{'beyond ' * one.beyond}rms {one.rms:.3f} bound {one.bound:.3f} iou {one.iou:.3f} "
+                    f"{'beyond ' * one.beyond}{'unsaid ' * one.unsaid}rms {one.rms:.3f} "
+                    f"bound {one.bound:.3f} iou {one.iou:.3f} "
                     f"shape {one.shape_square:.3f} poses {np.mean(np.array(one.pose_squares) < LEVEL):.2f} "
                     f"places {np.mean(np.array(one.place_squares) < LEVEL):.2f} {one.ms:.1f} ms {one.advice[:120]}",
                     flush=True,

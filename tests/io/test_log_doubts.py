@@ -96,7 +96,7 @@ def test_readings_above_vref_ask_for_vref_by_name() -> None:
 def test_what_the_spec_does_not_state_is_asked_and_what_it_states_is_taken() -> None:
     with pytest.raises(Unanswered, match="does not state vref_volt"):
         propose(of_text(touched_only(0)), TWO, {}, frozenset({"strip_base"}))
-    with pytest.raises(Unanswered, match="strip_base=0 or"):  # 0 is what `init` writes, and proves nothing
+    with pytest.raises(Unanswered, match="strip_base=0 or"):  # 0 is the default, and proves nothing
         propose(of_text(touched_only(0)), TWO, {}, ALL)
     found = propose(of_text(touched_only(1)), replace(TWO, strip_base=1), {}, ALL)
     np.testing.assert_allclose(array(found)[:, :, 0], HIGH, atol=1e-3)

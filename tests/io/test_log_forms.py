@@ -626,11 +626,11 @@ def test_a_line_that_stands_twice_is_no_scan_of_its_own() -> None:
         propose(of_text("\n".join(["t,strip,v_out", *lines])), THREE)
 
 
-def test_what_is_open_beside_the_columns_is_asked_at_once() -> None:
+def test_what_has_a_default_is_not_asked_beside_the_columns() -> None:
     text = scan(lambda i: ",".join(v("k", i, s, 3.3) for s in S), "thumb,index,middle,ring,little\n")
     with pytest.raises(Unanswered) as asked:
         propose(of_text(text), ONE)
-    assert [q.key for q in asked.value.questions] == ["readings", "rate_hz"]
+    assert [q.key for q in asked.value.questions] == ["readings"]
     answers = {"readings": asked.value.questions[0].choices[0], "rate_hz": "50"}
     _check(propose(of_text(text), ONE, answers).scans, "V", ONE, 0)
     with pytest.raises(ts.OptionError, match="these are 4 columns, and the sensor has 5 readings"):

@@ -210,6 +210,18 @@ def test_a_second_object_beside_one_on_the_border_is_no_stuck_channel() -> None:
         assert found.status == "doubtful", (seed, found.advice)
 
 
+def test_a_second_object_does_not_pass_for_noise_that_nobody_gave() -> None:
+    """A polygon of four corners took its jumps for noise ten times as large, and was `ok`."""
+    sensor = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=5.0, length_mm=100.0)
+    triangle, second = (
+        Polygon([(4, 13), (20, 70), (40, 31)]),
+        Polygon([(24, 71), (42, 72), (41, 82), (24, 73)]),
+    )
+    found = _fitted(triangle, second, told=False, sensor=sensor)
+    assert found.status == "doubtful"
+    assert "two objects" in found.advice or "second object" in found.advice
+
+
 def test_confidence_and_weights_are_probabilities_of_different_things() -> None:
     """Together they are 1 at most, whatever touches: convex, concave, two objects; one signature or both."""
     random, several = np.random.default_rng(5), 0

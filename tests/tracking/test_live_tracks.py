@@ -22,7 +22,7 @@ from tacstrip.tracking.episodes import Episode
 from tacstrip.tracking.live_contact import LiveContact, Stream
 from tacstrip.tracking.live_search import Contact, KnownShape, find_shape
 from tacstrip.tracking.rigid.corners import Fit
-from tacstrip.tracking.rigid.covariance import covariances, information
+from tacstrip.tracking.rigid.covariance import covariances, information, rigid_motions
 from tacstrip.tracking.rigid.fixed_lag import FixedLag
 
 NOISE = ts.Noise(positional=0.005)
@@ -163,6 +163,20 @@ def test_a_scan_that_leaves_a_corner_anywhere_in_a_gap_is_doubted() -> None:
     assert said == [("doubtful", True), ("doubtful", True), ("ok", False)]
 
 
+def test_a_motion_left_in_the_covariance_does_not_hold_the_pose() -> None:
+    """Corners that moved on since a search leave some of a turn in what it found; of the shape it says nothing."""
+    poses = of_mean(sliding(25))
+    lag = FixedLag(ten_strips(), NAMES, SIGMA, OWN)
+    k = readings(pressed(ten_strips(), OWN, poses, NOISE, 3))
+    lag.begin(k, poses)
+    known, scan = lag.known, lag.of(k[-1:])
+    turn = rigid_motions(known.corners)[:, 2:]
+    turned = replace(known, wider=known.wider + 1e-12 * turn @ turn.T)
+    own, with_turn = (one.pose_covariance(scan, poses[-1]) for one in (known, turned))
+    assert np.sqrt(own[2, 2]) > 1e-3  # radians
+    np.testing.assert_allclose(with_turn, own, rtol=1e-6)
+
+
 def known_contact(stream: Stream, corners: FloatArray) -> LiveContact:
     """Return a contact of which the shape is known from 12 scans."""
     lag = FixedLag(ten_strips(), NAMES, SIGMA, corners)
@@ -192,6 +206,28 @@ def test_objects_that_look_alike_and_met_get_new_numbers() -> None:
             c.step(k, 0.0)
         said.append((one.id, twin.id, other.id))
     assert said == [(1, 2, 3), (1, 2, 3), (4, 5, 3)]
+
+
+@pytest.mark.parametrize(
+    ("partner", "number", "known"),
+    [("unknown", 3, True), ("a corner more", 3, True), ("larger", 3, False), ("other", 1, True)],
+)
+def test_what_may_be_the_other_after_they_met_is_said(partner: str, number: int, known: bool) -> None:
+    """Also where its shape is not known yet or has another count of corners; one that may be the other's is left."""
+    stream = Stream(ten_strips(), NAMES, "normal", 20, None, SIGMA)
+    shapes = {
+        "unknown": OWN,
+        "a corner more": np.insert(OWN, 1, 0.5 * (OWN[0] + OWN[1]) + 0.05, axis=0),
+        "larger": 1.06 * OWN,
+        "other": np.array([(-25.0, -20.0), (25.0, -20.0), (0.0, 28.0)]),
+    }
+    one, two = known_contact(stream, OWN), known_contact(stream, shapes[partner])
+    if partner == "unknown":
+        two._shape = None
+    (k,) = readings(pressed(ten_strips(), OWN, sliding(13)[-1:], NOISE, 1))
+    one.shared(k, 0.0, [two])
+    found = one.step(k, 0.1)
+    assert (one.id, found is not None) == (number, known)
 
 
 def test_a_shape_is_as_uncertain_as_its_search_said() -> None:

@@ -40,16 +40,16 @@ from tacstrip.tracking.rigid.covariance import (
 )
 from tacstrip.tracking.rigid.found import Found
 from tacstrip.tracking.rigid.offsets import Offsets, channel_offsets, not_ruled_out, with_offsets
+from tacstrip.tracking.rigid.pose_spread import beyond_the_bound
 from tacstrip.tracking.rigid.rivals import (
-    about_other_rests,
     beside_rivals,
     notch_gain,
     poses_beside_rivals,
-    unread_tip_mm,
 )
 from tacstrip.tracking.rigid.search import _compared, freer_spline, likelier
 from tacstrip.tracking.rigid.smooth_path import fit_corners, one_after_another, radii_of, spline_basis
 from tacstrip.tracking.rigid.strain import strain_gain
+from tacstrip.tracking.rigid.unseen_corner import unread_tips_mm, unseen_corner_mm
 from tacstrip.tracking.scan_noise import correlation_of_strips, noise_between_scans
 from tacstrip.tracking.summary import _uncalibrated, less_than_half_turns
 
@@ -333,10 +333,17 @@ def test_a_pose_at_a_kink_may_lie_in_the_valley_beside_it() -> None:
     fit = fitted(scans, bar, pose[None], 0)
     own = np.linalg.inv(information(scans, bar, pose[None]).pose[0])
     assert math.sqrt(own[0, 0]) < 1.0  # mm
-    added = about_other_rests(scans, fit)[0]
-    assert 2.0 < math.sqrt(added[0, 0]) < 4.0
+    added = beyond_the_bound(scans, fit)[0]
+    every = np.stack(
+        np.meshgrid(np.linspace(-9.0, 9.0, 91), np.linspace(-1.5, 1.5, 31), np.linspace(-0.06, 0.06, 31))
+    )
+    every = np.ascontiguousarray(every.reshape(3, -1).T)
+    costs = fit_poses(scans, bar, (pose + every)[None], loss(scans), 0)[1][0]
+    odds = np.exp(-0.5 * (costs - costs.min()))
+    spread = np.sqrt((odds @ every**2) / odds.sum())  # about the best, by a sum over a grid
+    np.testing.assert_allclose(np.sqrt(own.diagonal() + added.diagonal()), spread, rtol=0.15)
     many = RigidScans(sensor, scans.names, np.repeat(scans.k, 300, axis=0), scans.sigma)  # more than a block
-    again = about_other_rests(many, Fit(bar, np.tile(pose, (300, 1)), np.tile(fit.costs, 300)))
+    again = beyond_the_bound(many, Fit(bar, np.tile(pose, (300, 1)), np.tile(fit.costs, 300)))
     np.testing.assert_allclose(again, np.tile(added, (300, 1, 1)), rtol=1e-9, atol=1e-12)
 
 
@@ -347,8 +354,29 @@ def test_a_tip_that_no_strip_reads_is_measured() -> None:
     scans = pressed(sensor, shape, poses, ts.Noise(), 0)
     every = RigidScans(sensor, ("kh", "kl"), np.stack([np.stack([s["kh"], s["kl"]]) for s in scans]), 0.003)
     fit = Fit(shape, poses, np.zeros(3))
-    assert unread_tip_mm(every.of([0]), fit.of(np.array([0]))) == pytest.approx(5.0)
-    assert unread_tip_mm(every, fit) == pytest.approx(2.0)
+    assert unread_tips_mm(every.of([0]), fit.of(np.array([0]))).max() == pytest.approx(5.0)
+    assert unread_tips_mm(every, fit).max() == pytest.approx(2.0)
+
+
+def test_a_corner_more_that_the_scans_do_not_show_is_as_high_as_they_allow() -> None:
+    """Fits of four corners to exact readings of five, of which one stands .4 mm out of an edge, and to noisy ones."""
+    sensor, poses, high = ten_strips(), sliding(30), 0.4
+    four = np.array([(-22.0, -18.0), (20.0, -20.0), (25.0, 14.0), (-20.0, 16.0)])
+    five = np.insert(four, 1, four[:2].mean(axis=0) - np.array([0.0, high]), axis=0)
+    scans = pressed(sensor, five, poses, ts.Noise(), 0)
+    exact = RigidScans(sensor, ("kh", "kl"), np.stack([np.stack([s["kh"], s["kl"]]) for s in scans]), 1e-6)
+    lacking = fitted(exact, four, poses)
+    assert high < unseen_corner_mm(exact, lacking)[0] < 1.2 * high  # the most over places along the edge
+    noisy = exact.with_sigma(0.003)
+    by_noise = [
+        unseen_corner_mm(noisy.of(some), lacking.of(np.arange(30)[some]))
+        for some in (slice(30), slice(0, 30, 3))
+    ]
+    assert (by_noise[0] > 0.0).all()
+    assert (by_noise[1] > by_noise[0]).all()
+    assert high < by_noise[0][0] < 3.0 * high
+    twice = unseen_corner_mm(noisy, lacking, wider=2.0)[0] - by_noise[0][0]
+    assert twice == pytest.approx(by_noise[0][0] - high, rel=0.3)
 
 
 @pytest.mark.parametrize("turned", [False, True])
@@ -592,7 +620,8 @@ def test_offsets_of_channels_are_found_along_with_the_shape() -> None:
         if s.kh is not None and s.kl is not None
     ]
     (one,) = ts.track(scans, sensor, NOISE)
-    assert (one.status, len(one.outline)) == ("ok", 5)
+    assert (one.status, len(one.outline)) == ("likely", 5)
+    assert one.advice.startswith("one corner more")  # offsets would hide it
     assert distance(one.outline, CORNERS) < 0.4
     assert Offsets(off, 0.003, told=8.0).upper == pytest.approx(0.0045)  # known from eight: 25 % uncertain
     often = np.isfinite(np.stack([s["kh"] for s in scans])).mean(axis=0) > 0.8

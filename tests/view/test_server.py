@@ -8,6 +8,7 @@ import json
 import socket
 from collections.abc import Awaitable, Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ import pytest
 import tacstrip as ts
 from live_devices import SENSOR
 from tacstrip.interrupt import worker_processes
+from tacstrip.reconstruction.result import Alternative
 from tacstrip.stream import RawScan
 from tacstrip.stream.live.bounded_queue import BoundedQueue
 from tacstrip.stream.live.pipeline import Live
@@ -434,3 +436,15 @@ def test_a_picture_is_json_with_no_nan() -> None:
     text = json.dumps(told, allow_nan=False)
     assert json.loads(text)["readings"]["kh"][0] is None
     assert len(text) < 4000
+
+
+def test_other_outlines_that_explain_all_scans_are_told_where_they_lie() -> None:
+    square = np.array([(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)])
+    pose, nowhere = np.array([30.0, 40.0, np.pi / 2.0]), np.full(3, np.nan)
+    others = (Alternative(0.25, 2.0 * square),)
+    shown = ts.LiveTrack(1, square, pose, nowhere, 0.0, 20, "doubtful", "open", others)
+    scan = ts.simulate(SENSOR, ts.Contact.polygon(square + 30.0))
+    tracks, raw = (shown, replace(shown, pose=nowhere)), RawScan(0.0, {}, scan.touched)
+    told = frame_json(ts.Frame(3, raw, SENSOR, scan, (), 0.0, 0.0, tracks=tracks))["tracks"]
+    assert told[0]["alternatives"] == [{"weight": 0.25, "vertices": [[30, 40], [30, 60], [10, 60], [10, 40]]}]
+    assert (told[1]["vertices"], told[1]["alternatives"]) == ([], [])

@@ -15,13 +15,13 @@ from tacstrip.cli.record import save_recording
 from tacstrip.diagnose.log import read_log
 from tacstrip.errors import OptionError, ReadingError, one_of
 from tacstrip.files import read_text, replacing
-from tacstrip.io.input_checks import counted_down, half_read, one_reading
+from tacstrip.io.input_checks import half_read, one_reading
 from tacstrip.io.log_import.containers import read_table
+from tacstrip.io.log_import.doubts import backwards
 from tacstrip.io.log_import.ends import ends_exchanged, refuse_split_ends
-from tacstrip.io.log_import.fields import number_of
 from tacstrip.io.log_import.guess import Proposal, left_out, propose, settled
 from tacstrip.io.log_import.mapping import ColumnMapping
-from tacstrip.io.log_import.scans import is_newest_first, scans
+from tacstrip.io.log_import.scans import scans
 from tacstrip.io.log_import.table import Table
 from tacstrip.io.log_import.write import at_rest, in_volts, rows, touched, write_log
 from tacstrip.io.readings import read_unchecked
@@ -75,7 +75,7 @@ def command(
         found = _mapped(table, given, sensor) if given else propose(table, sensor, told, _stated(spec))
         for reason in found.reasons:
             note(f"  {reason}")
-    warn(*found.doubts, _all_touched(found, sensor), _backwards(table, found.mapping), file=log)
+    warn(*found.doubts, _all_touched(found, sensor), file=log)
     _write(log, found, sensor, spec, output, force)
     _show(found, sensor)
     if not given:
@@ -95,7 +95,11 @@ def _mapped(table: Table, file: Path, sensor: Sensor | None) -> Proposal:
     def read(found: Table) -> Proposal:
         dropped: list[int] = []
         rough = scans(found, mapping, dropped)
-        doubts = [*left_out(found, dropped), *ends_exchanged(rough, mapping, None)]
+        doubts = [
+            *left_out(found, dropped),
+            *backwards(found, mapping),
+            *ends_exchanged(rough, mapping, None),
+        ]
         return Proposal(mapping, at_rest(rough, mapping, sensor), (), tuple(doubts))
 
     return settled(table, read, mapping.strips, len(mapping.channels))
@@ -141,16 +145,6 @@ def _write(
             else:
                 part.write_bytes(readings.read_bytes())
     click.echo(f"{output}: {many}")
-
-
-def _backwards(table: Table, mapping: ColumnMapping) -> str:
-    """Return a warning where the first scan's lines count its strips down, and the log's scans are not counted so."""
-    if mapping.strips < 2 or mapping.strip not in table.places or is_newest_first(table, mapping):
-        return ""
-    strips = [*dict.fromkeys(map(number_of, table.column(mapping.strip)))][: mapping.strips]
-    last = mapping.strip_base + mapping.strips - 1
-    down = strips == [*range(last, mapping.strip_base - 1, -1)]
-    return counted_down(mapping.strip_base, last) if down else ""
 
 
 def _all_touched(found: Proposal, sensor: Sensor | None) -> str:

@@ -51,7 +51,7 @@ KEYS: dict[str, tuple[str, str]] = {  # key: (an example where nothing is set, c
         "0.05",
         "a strip counts as touched when a reading is further than this from rest_volt; set both",
     ),
-    "strip_base": ("", "number of the first strip in readings files, 0 or 1"),
+    "strip_base": ("0", "number of the first strip in readings files, 0 or 1; unset: 0"),
     "without": ('["2"]', 'channels left out: "7:v_h" one of a strip, "2" all of it'),
 }
 CALIBRATION = "calibration"  # the table that `tacstrip calibrate` adds to a spec file
@@ -265,14 +265,18 @@ class Sensor(Drawn):
         return cls(**raw | {key: kind.from_dict(raw[key]) for key, kind in kinds.items() if key in raw})
 
     def to_toml(self) -> str:
-        """Return the spec file's text, with a comment per key; what is unset stands commented out."""
+        """Return the spec file's text, with a comment per key; what is unset stands commented out.
+
+        So does `strip_base = 0`, which is as if it was unset.
+        """
         lines = ["# A resistive hybrid tactile sensor, for tacstrip. Millimetres and volts."]
         for key, (example, comment) in KEYS.items():
             value = getattr(self, key)
             if key in OWN_KEYS and key not in self.kind.keys:
                 continue
             text = repr(value) if isinstance(value, int | float) else json.dumps(value, ensure_ascii=False)
-            line = f"# {key} = {example}" if value in (None, ()) else f"{key} = {text}"
+            unset = value in (None, ()) or (key, value) == ("strip_base", 0)
+            line = f"# {key} = {example}" if unset else f"{key} = {text}"
             lines.append(f"{line:<32} # {comment}")
         known = (self.converter, self.surface, self.noise, self.calibration)
         tables = [table.to_toml() for table in known if table is not None]

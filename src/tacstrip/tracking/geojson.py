@@ -26,7 +26,8 @@ def track_collection(tracks: Sequence[Track]) -> dict[str, Any]:
     -------
     dict
         The geometry is the outline on the sensor in the first scan that shows it, null where there is none. Properties:
-        id, status, advice, area_mm2 and its sigma, outline_mm in the object's frame and vertex_sigma_mm, alternatives,
+        id, status, advice, area_mm2 and its sigma, outline_mm in the object's frame, vertex_sigma_mm, unseen_corner_mm,
+        alternatives,
         motion, offsets over Vref, and poses: of every scan that shows it scan, time_s, x_mm, y_mm, angle_rad and their
         sigmas, centroid_mm of the outline on the sensor, and velocity; where no rigid outline explains the scans also
         `outline_mm` of that scan by itself.
@@ -92,6 +93,7 @@ def _feature(track: Track) -> dict[str, Any]:
         "area_sigma_mm2": plain(track.area_deviation_mm2),
         "outline_mm": plain(track.outline, 9),
         "vertex_sigma_mm": None if sigma is None else plain(sigma),
+        "unseen_corner_mm": plain(track.unseen_corner_mm),
         "alternatives": [
             {"weight": plain(a.weight), "vertices_mm": plain(a.vertices)} for a in track.alternatives
         ],

@@ -22,7 +22,8 @@ from tacstrip.tracking.objects import GUESS
 from tacstrip.tracking.result import STANDS
 from tacstrip.tracking.rigid.corners import Fit
 from tacstrip.tracking.rigid.fixed_lag import FixedLag, Known
-from tacstrip.tracking.rigid.rivals import about_other_rests, onto
+from tacstrip.tracking.rigid.pose_spread import beyond_the_bound
+from tacstrip.tracking.rigid.rivals import apart_mm
 from tacstrip.tracking.rigid.search import FEW_STRIPS
 from tacstrip.tracking.stretches import MOST
 from tacstrip.tracking.summary import DEVIATIONS, tolerated_mm
@@ -61,7 +62,7 @@ class LiveTrack:
     ----------
     id
         Its number, counted from 1. One that is lifted and pressed again keeps it where its shape is recognised; what
-        its shape explains no more has a new one, as have objects that look alike after they met.
+        its shape explains no more has a new one, as have objects after they met that may be each other.
     outline
         Corners (N, 2) [mm], counter-clockwise, in the object's frame; none where no shape is known.
     pose
@@ -87,7 +88,7 @@ class LiveTrack:
     >>> shape, noise = ts.Contact.polygon([(-25, -20), (20, -25), (25, 20), (-10, 25)]), ts.Noise(positional=0.002)
     >>> live = ts.LiveTracks(sensor, noise)
     >>> for i in range(30):
-    ...     placed = shape.turned(0.04 * i).placed(45 + 0.5 * i, 50)
+    ...     placed = shape.turned(0.04 * i).placed(35 + 0.8 * i, 50)
     ...     tracks = live.update(ts.simulate(sensor, placed, noise, rng=i, time_s=0.01 * i))
     >>> tracks[0].status, tracks[0].scans, tracks[0].placed.shape
     ('ok', 30, (4, 2))
@@ -117,12 +118,12 @@ class LiveTrack:
 
     @cached_property
     def pose_covariance(self) -> FloatArray:
-        """Of the pose (3, 3) [mm, mm, rad], with where else it may rest; NaN where it is not known."""
+        """Of the pose (3, 3) [mm, mm, rad], with all poses that explain the scan; NaN where it is not known."""
         if self._known is None or self._scan is None or not np.isfinite(self.pose[0]):
             return np.full((3, 3), np.nan)
         pose, scan = self.pose[None], self._scan
         fit = Fit(self.outline, pose, equations(scan, self.outline, pose, loss(scan)).costs)
-        return np.asarray(self._known.pose_covariance(scan, self.pose) + about_other_rests(scan, fit)[0])
+        return np.asarray(self._known.pose_covariance(scan, self.pose) + beyond_the_bound(scan, fit)[0])
 
     @property
     def _place_deviation_mm(self) -> float:
@@ -135,9 +136,7 @@ class LiveTrack:
     @property
     def corner_deviation_mm(self) -> float:
         """Standard deviation of the corner that is known least [mm]; NaN where no shape is known."""
-        if (c := self.covariance) is None:
-            return math.nan
-        return math.sqrt(float(c.diagonal().reshape(-1, 2).sum(axis=1).max()))
+        return math.nan if self._known is None else self._known.corner_deviation_mm
 
     @property
     def area_mm2(self) -> float:
@@ -275,8 +274,10 @@ class LiveContact:
         self._shape: KnownShape | None = None
         self._bad: list[FloatArray] = []
         self._proof, self._since, self._alarm = 0, 0, ""
-        self._met: list[LiveContact] = []  # that it shares strips with; whether one of them looks like it
-        self._alike = False
+        self._met: list[LiveContact] = []  # that it shares strips with
+        self._alike = self._unlike = (
+            False  # it may be one of them; and then its shape, or scans, may not be its own
+        )
         self._doubted = False  # the shape explains no more what comes; a search tells whether another does
 
     @property
@@ -295,7 +296,9 @@ class LiveContact:
             self._answered(task.result())
         if self._alike:  # which is which their readings do not tell
             self.id = self._stream.number()
-        self._met, self._alike = [], False
+            if self._unlike:
+                self._begin_anew([])
+        self._met, self._alike, self._unlike = [], False, False
         taken = self._followed(k, time_s)
         self._catch_up()
         self._search_if_due()
@@ -303,20 +306,23 @@ class LiveContact:
 
     def shared(self, k: FloatArray, time_s: float, others: list[LiveContact]) -> LiveTrack | None:
         """Return the object of a scan in which it shares its strips with others."""
-        self._alike |= any(self._looks_like(other) for other in others if other not in self._met)
-        self._met = [*self._met, *(other for other in others if other not in self._met)]
+        for other in others:
+            if other not in self._met:
+                self._met.append(other)
+                self._compare_with(other)
         return self._track(k, time_s, _JOINT)
 
-    def _looks_like(self, other: LiveContact) -> bool:
-        """Whether another's outline is its own within what may be off of each: once they met, either may be either."""
+    def _compare_with(self, other: LiveContact) -> None:
+        """Note whether it may be another that it met: what has no shape yet may look like anything."""
         if self._shape is None or other._shape is None:
-            return False
-        sensor, (one, two) = self._stream.sensor, (c._shape.lag.corners for c in (self, other) if c._shape)
-        own = one - one.mean(axis=0)
-        if one.shape != two.shape:
-            return False
-        off = np.hypot(*(onto(two, own)[2] - own).T).max()
-        return bool(off < tolerated_mm(sensor, one) + tolerated_mm(sensor, two))
+            self._alike, self._unlike = True, self._unlike or self._shape is None
+            return
+        sensor, lags = self._stream.sensor, (self._shape.lag, other._shape.lag)
+        off = apart_mm(lags[0].corners, lags[1].corners)
+        deviations = [lag.known.corner_deviation_mm for lag in lags]
+        each = zip(lags, deviations, strict=True)
+        if off < sum(max(tolerated_mm(sensor, lag.corners), DEVIATIONS * far) for lag, far in each):
+            self._alike, self._unlike = True, self._unlike or off > DEVIATIONS * math.hypot(*deviations)
 
     def _followed(self, k: FloatArray, time_s: float) -> bool:
         """Take a scan by the present shape; return whether that explains it, or there is none."""
@@ -359,14 +365,16 @@ class LiveContact:
         self._proof = 2 * self._proof or _PROOF
         self._stream.remember(self.known_shape)
         self.id = self._stream.number()  # what is there now may be another
+        self._begin_anew(self._bad or lag.window_readings)
+
+    def _begin_anew(self, scans: list[FloatArray]) -> None:
+        """Forget the shape: these scans are the first of what is there now."""
         self._shape, self._found, self._task = None, None, None
         self._waiting.clear()
-        self._doubted = False
-        self._history, self._seen, self._due = History(), 0, _FIRST
-        for k in self._bad or lag.window_readings:
+        self._doubted, self._bad = False, []
+        self._history, self._seen, self._due = History(), len(scans), _FIRST
+        for k in scans:
             self._history.add(k, np.full(3, np.nan))
-            self._seen += 1
-        self._bad = []
 
     def _search_if_due(self) -> None:
         stream, shape, history = self._stream, self._shape, self._history

@@ -59,6 +59,10 @@ class Track(Drawn):
     kind
         What the outline is: "polygon", else its corners draw it: "rounded" (a convex polygon whose corners are arcs of
         one radius), "ellipse" or "disc", whose angle stays 0.
+    unseen_corner_mm
+        By how much the outline may change, at two standard deviations, where one corner more is that the scans do not
+        show: out of the edge from each corner to the next, or cut off at its ends (N,); "likely" at best where that is
+        more than a corner may be uncertain. Empty for curves and for the outline of a single scan.
     by_scan
         Where no rigid outline explains the scans, or they are too few for one: how `single` is found; else None.
 
@@ -88,6 +92,7 @@ class Track(Drawn):
     offsets: dict[str, FloatArray] = field(default_factory=dict)
     by_scan: SingleScans | None = field(default=None, repr=False)
     kind: str = "polygon"
+    unseen_corner_mm: FloatArray = field(default_factory=lambda: np.empty(0))
 
     def __repr__(self) -> str:
         what = f"{len(self.outline)} corners" if self.kind == "polygon" else self.kind

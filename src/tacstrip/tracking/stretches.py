@@ -17,7 +17,8 @@ from tacstrip.tracking.rigid.curved import rigid_curve
 from tacstrip.tracking.rigid.found import Found, content, with_all_poses
 from tacstrip.tracking.rigid.offsets import taken_off
 from tacstrip.tracking.rigid.recognition import recognised, recognised_on_path
-from tacstrip.tracking.rigid.search import compared_again, counted_among_followers, search
+from tacstrip.tracking.rigid.search import FEW_STRIPS, compared_again, counted_among_followers, search
+from tacstrip.tracking.rigid.starts import Starts, needs_smooth_motion
 from tacstrip.tracking.scan_noise import SURE, noise_between_scans
 from tacstrip.tracking.strays import set_aside, strays_from_fit
 
@@ -64,6 +65,9 @@ def searched(
         kept = set_aside(kept, strays_from_fit(one.scans, one.found.fit))
         if np.isfinite(kept).sum() == one.scans.readings.sum():
             break
+        few = needs_smooth_motion(one.scans) and one.scans.strips_touched < FEW_STRIPS
+        if few and Starts(one.scans).erratic:  # such a search takes long, and goes on from any outline
+            known = (replace(one.found, starts=None),)
         one = _searched(episode, replace(every, k=kept), read, offsets, thorough=thorough, begun=known)
         if one.explained(read.distribution) and (read.sigma or one.scans.sigma < best.scans.sigma / _ALIKE):
             return one

@@ -29,11 +29,11 @@ from tacstrip.tracking.rigid.rivals import (
     beside_rivals,
     notch_gain,
     poses_beside_rivals,
-    unread_tip_mm,
     with_a_corner_cut,
 )
 from tacstrip.tracking.rigid.search import FEW_STRIPS, LEAST_STRIPS, freer_spline
 from tacstrip.tracking.rigid.strain import strain_gain
+from tacstrip.tracking.rigid.unseen_corner import unread_tips_mm, unseen_corner_mm
 from tacstrip.tracking.scan_noise import correlation_of_strips
 from tacstrip.tracking.single_scans import SingleScans
 
@@ -81,6 +81,10 @@ _TIP = (
 _NOTCH = (
     "how deep a notch is, the scans do not tell: its corner may lie {far:.2g} mm further along an edge; turn the "
     "object further"
+)
+_UNSEEN = (
+    "one corner more, by which the outline changes by up to {far} mm (`unseen_corner_mm`), would not show in the "
+    "scans: turn the object further, or take more scans"
 )
 _HARDLY_MOVED = (
     "its corners stay over the same strips in all {n} scans, which so tell little more of the shape than one: turn the "
@@ -143,8 +147,8 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
     of_poses = poses_beside_rivals(one.scans, one.found, of_poses)
     of_poses = found_noise * (of_poses + _shared_by_strips(one, fit, order))
     shape = found_noise * wider**2 * beside_rivals(one.scans, one.found, shape, deviation)
-    if offsets and fit.basis is None and one.scans.strips_touched < FEW_STRIPS:
-        shape *= _KINKED
+    kinked = _KINKED if offsets and fit.basis is None and one.scans.strips_touched < FEW_STRIPS else 1.0
+    shape *= kinked
     all_spin = np.kron(np.eye(len(corners)), spin.T)
     shape = np.asarray(all_spin @ shape @ all_spin.T)
     poses, spreads = np.full((total, 3), np.nan), np.full((total, 3, 3), np.nan)
@@ -179,6 +183,7 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
     elif not advice and fit.basis is not None and few and len(outline) >= FIRST:
         told, advice = False, _CURVED.format(n=len(outline))
     some, own = one.scans.of(one.found.chosen), fit.of(one.found.chosen)
+    unseen = unseen_corner_mm(some, own, deviation, wider * math.sqrt(found_noise * kinked))
     if not advice and (concave or few) and fit.basis is None:
         loosest = max(loosest, scatter(some, own))
     if not advice and DEVIATIONS * loosest > unsure:
@@ -187,14 +192,21 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
         told, advice = False, _COUNT.format(n=other)
     elif not advice and concave and notch_gain(some, own, unsure) < _OPEN:
         told, advice = False, _NOTCH.format(far=unsure)
-    elif not advice and few and not concave and unread_tip_mm(some, own) > _UNREAD * sensor.pitch_mm:
-        told, advice = False, _TIP.format(far=figures(unread_tip_mm(some, own)))
+    elif (
+        not advice
+        and few
+        and not concave
+        and (tip := unread_tips_mm(some, own).max()) > _UNREAD * sensor.pitch_mm
+    ):
+        told, advice = False, _TIP.format(far=figures(tip))
     elif not advice and (cut := _with_a_corner_cut(one)):
         told, advice, one = False, _COUNT.format(n=len(outline) + 1), cut
     elif not advice:
         tied = fit.basis is not None and few
         wander = [_WANDERS.format(times=figures(wider))] * (wider > 1.0)
-        note = "; ".join([_CONCAVE] * concave + [_SMOOTH] * tied + wander)
+        # scans that it shares strips in tell more, and are not among these
+        hides = [_UNSEEN.format(far=figures(unseen.max()))] * bool(unseen.max() > unsure and not one.shared)
+        note = "; ".join([_CONCAVE] * concave + [_SMOOTH] * tied + wander + hides)
     parted = bool(one.joint) and max(one.shown) > min(one.joint)
     more_advice = (
         [_LOOKS_ALIKE] if one.alike and parted and not one.shared else [m.advice for m in one.shared]
@@ -205,7 +217,7 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
     joint = tuple(sorted({*one.joint, *(s for more in one.shared for s in more.joint)}))
     return Track(
         0, outline, shape, poses, spreads, np.empty(0), np.empty(0), status, said,
-        () if told else others, joint, _motion(fit), _offsets(one, skin), alone,
+        () if told else others, joint, _motion(fit), _offsets(one, skin), alone, unseen_corner_mm=unseen,
     )  # fmt: skip
 
 

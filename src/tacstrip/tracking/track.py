@@ -69,7 +69,7 @@ def track(scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None) -> 
     >>> sensor = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=10.0, length_mm=100.0)
     >>> shape, noise = ts.Contact.polygon([(-25, -20), (20, -25), (25, 20), (-10, 25)]), ts.Noise(positional=0.002)
     >>> scans = [
-    ...     ts.simulate(sensor, shape.turned(0.02 * i).placed(40 + 0.5 * i, 50), noise, rng=100 + i, time_s=0.01 * i)
+    ...     ts.simulate(sensor, shape.turned(0.02 * i).placed(35 + 0.8 * i, 50), noise, rng=100 + i, time_s=0.01 * i)
     ...     for i in range(30)
     ... ]
     >>> (one,) = ts.track(scans, sensor, noise)

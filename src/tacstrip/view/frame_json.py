@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from tacstrip.arrays import plain
+from tacstrip.geometry.pose import placed
 from tacstrip.geometry.region import coarse_regions
 from tacstrip.sensor.layers import AnySensor, Layer, LayeredSensor, unit_of
 from tacstrip.sensor.spec import Sensor
@@ -43,14 +44,20 @@ def frame_json(frame: Frame) -> dict[str, Any]:
 
 
 def _track(one: LiveTrack) -> dict[str, Any]:
-    """Return an object over time: its outline where it lies, and how far its least known corner may be off."""
+    """Return an object over time: its outline where it lies, how far its least known corner may be off, and others."""
+    there = np.isfinite(one.pose).all()
     return {
         "id": one.id,
         "status": one.status,
         "advice": one.advice,
         "scans": one.scans,
         "corners": len(one.outline),
-        "vertices": plain(one.placed, 3) if np.isfinite(one.pose).all() else [],
+        "vertices": plain(one.placed, 3) if there else [],
+        "alternatives": [
+            {"weight": round(a.weight, 3), "vertices": plain(placed(a.vertices, one.pose), 3)}
+            for a in one.alternatives
+            if there
+        ],
         "deviation_mm": plain(one.corner_deviation_mm),
     }
 

@@ -22,6 +22,7 @@ from tacstrip.io.log_import.tokens import VALUE, parted
 from tacstrip.io.log_import.words import finder
 
 _NUMBERS = {mark: re.compile(rf"(?<![\w.])[-+]?\d+(?:\{mark}\d+)*(?!\w)") for mark in ".,"}
+_NAME = re.compile(r"[^\W\d_]\w*")
 _STAMP = re.compile(r"\d+:\d+(?::\d+)?(?:[.,]\d+)?|\d{4}-\d\d-\d\d[T ]?")
 _FEW_VALUES = 0.5  # of those of other lines: a line with more may be a scan
 _GAP, _REGULAR = 1.5, 0.9  # times the usual step, part of the steps that are near it
@@ -51,7 +52,7 @@ def settle_broken(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) ->
         return
     if (
         len(above) + len(inner) + len(below) == len(table.broken)
-        and all(_is_remark(table, n) for n in above)
+        and all(_is_remark(table, n) for n in above[: -1 if _begins_within(table, above[-1:]) else None])
         and _at_the_end(table, below, _has_empty(table, rough))
         and (
             not inner
@@ -176,6 +177,19 @@ def _is_remark(table: Table, line: int) -> bool:
     quote = table.quotes.get(line, "")
     words, values = len(re.findall(r"[^\W\d_]{3,}", quote)), _parted_values(quote, table.decimal)
     return words > 0 and (_is_short(table, line) or words > values < _usual(table))
+
+
+def _begins_within(table: Table, last: list[int]) -> bool:
+    """Return whether the last line above all rows is the end of one, within which the log begins: of fewer values.
+
+    Its names are the last ones of rows, but for the first, which may be the end of one.
+    """
+    quote = "".join(table.quotes.get(n, "") for n in last)
+    every = [found[0] for name in table.names if (found := _NAME.findall(name))]
+    if not (names := _NAME.findall(quote)):
+        return not table.named and 0 < _values_of(quote, table.decimal) < _usual(table)
+    at = len(every) - len(names)
+    return at > 0 and every[at + 1 :] == names[1:] and every[at].endswith(names[0])
 
 
 def _parted_values(quote: str, decimal: str) -> int:

@@ -465,7 +465,7 @@ def _others_like_readings(columns: list[Column], one: Assignment, names: list[st
     used = {n for n, *_ in one.readings}
     there = np.concatenate([c.numbers[np.isfinite(c.numbers)] for c in (columns[n] for n in used)])
     low, high = np.quantile(there, [0.05, 0.95])
-    plain = [re.sub(r"\d+", "0", n) for n in names]
+    plain = [re.sub(r"\d+|\b[A-Za-z]\b", "0", n) for n in names]  # strips may be called A, B, ...
     alike = {plain[n] for n in used} if plain else {*()}
     for n, column in enumerate(columns):
         if (

@@ -45,6 +45,9 @@ _OF_CONTACT = re.compile(
     rf"|{any_of('which')}(?=\s*(?:[,;.!]|\Z)))",
     re.IGNORECASE,
 )
+_PROCESS = re.compile(
+    r"\A.*?\w\[\d+\]:\s*"
+)  # of a system's log, with the time: behind it, the message stands
 _STAMP = rf"\A\s*[\[(\"']?{STAMP}[\])\"']?\s*(?:->|=>|[>|:,;])?\s*"  # what a monitor puts before a line
 _FEW_WORDS = 3  # of fewer, no change is told
 _OFTEN = 0.1  # of the lines: what stands on more is of the log's form
@@ -175,7 +178,7 @@ def _inner(text: str, lines: Sequence[int]) -> tuple[list[tuple[int, str]], set[
 
 def _plain(line: str) -> str:
     """Return what a line says, however it is marked and its numbers are written."""
-    said = re.sub(_STAMP, "", line[:_READ], count=1)
+    said = _PROCESS.sub("", re.sub(_STAMP, "", line[:_READ], count=1), count=1)
     said = re.sub(r"\d+(?:[.,]\d+)?", lambda m: f"{float(m[0].replace(',', '.')):g}", said)
     return " ".join(said.casefold().lstrip("#%/!; ").split())
 

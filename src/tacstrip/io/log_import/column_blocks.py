@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from tacstrip.errors import OptionError
-from tacstrip.io.log_import.ends import order_of_ends
+from tacstrip.io.log_import.ends import noise, order_of_ends
 from tacstrip.io.log_import.mapping import STRIP_ORDERS
 from tacstrip.io.log_import.names import (
     Meaning,
 )
+from tacstrip.io.log_import.neighbours import order_of_neighbours
 from tacstrip.io.log_import.questions import Clues
 from tacstrip.io.log_import.statements import order_said, strips_order_said
 
@@ -22,6 +25,8 @@ def ask_for_block(clues: Clues, why: str, names: list[str], wide: int) -> list[s
     ]  # with none between
     blocks = [f"{names[n]}..{names[n + wide - 1]}" for n in starts or range(len(names) - wide + 1)]
     shown = (blocks[-1], *blocks[:-1][:2])
+    if len(blocks) == 1 and len(clues.expected) == 1 and not names[0].startswith("column "):
+        shown = tuple(dict.fromkeys((*by_neighbours(clues, names[-wide:]), *blocks)))
     clues.ask(
         "readings",
         f"{why}: which {wide} are the readings of the strips in their order (else name all, with commas)?",
@@ -29,6 +34,16 @@ def ask_for_block(clues: Clues, why: str, names: list[str], wide: int) -> list[s
         of_form=all(n.startswith("column ") for n in names),  # only the user knows what other names number
     )
     return names[-wide:]
+
+
+def by_neighbours(clues: Clues, names: list[str]) -> tuple[str, str]:
+    """Return the order in which columns of one reading for each strip probably lie, and its reverse, as answers."""
+    values = np.array([[np.nan if v is None else v for v in clues.values(n)] for n in names]).T[:, :, None]
+    values[values <= noise(values)] = np.nan
+    order = order_of_neighbours(values)
+    if sorted((order, order[::-1]))[0] == [*range(len(order))]:
+        return f"{names[0]}..{names[-1]}", f"{names[-1]}..{names[0]}"
+    return ",".join(names[n] for n in order), ",".join(names[n] for n in order[::-1])
 
 
 def _parts(answer: str, names: Sequence[str]) -> list[str]:
@@ -44,7 +59,7 @@ def _parts(answer: str, names: Sequence[str]) -> list[str]:
 
 
 def answered_block(clues: Clues) -> list[str]:
-    """Return the columns of the answer "readings": from one to another, or in the order in which they are named."""
+    """Return the columns of the answer "readings": from one to another, perhaps backwards, or as they are named."""
     answer, names = clues.answers["readings"], clues.table.names
     block: list[str] = []
     for part in _parts(answer, names):
@@ -54,7 +69,8 @@ def answered_block(clues: Clues) -> list[str]:
                 f"--answer readings={answer}: {part!r} is no column; name the first and the last, as in "
                 f"{names[0]}..{names[-1]}, or all in the strips' order, with commas between them"
             )
-        block += names[names.index(first) : names.index(last if dots else first) + 1]
+        from_, to = names.index(first), names.index(last if dots else first)
+        block += names[from_ : to + 1] if to >= from_ else names[to : from_ + 1][::-1]
     wide = clues.sensor.strips * len(clues.expected) if clues.sensor else len(block)
     if len(block) != wide:
         raise OptionError(

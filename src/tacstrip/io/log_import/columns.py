@@ -31,6 +31,7 @@ from tacstrip.io.log_import.table import CLOCK, PART, ROW, NoTableError
 from tacstrip.io.log_import.unnamed import (
     readings_by_contents,
     readings_by_number,
+    readings_by_words,
     roles_without_names,
     with_other_end,
 )
@@ -211,6 +212,8 @@ def _find(clues: Clues, known: dict[str, Meaning]) -> Columns:
         readings = {n: m for n, m in readings.items() if m.strip is not None}
     if "readings" in clues.answers:
         readings = readings_of_block(clues, answered_block(clues), known, which)
+    if not strip and not wide and "readings" not in clues.answers:
+        readings = readings_by_words(clues, known, {time, scan, which, *given}) or readings
     if not readings and not strip:
         readings = readings_by_number(clues, known, {time, scan, which})
     if not readings:

@@ -24,6 +24,7 @@ from tacstrip.errors import OptionError, ReadingError
 from tacstrip.files import why_unreadable
 from tacstrip.io.log_import.arrays import of_arrays
 from tacstrip.io.log_import.decoding import decoded
+from tacstrip.io.log_import.fields import quantity, says_nothing
 from tacstrip.io.log_import.headed import decimal_mark, headed
 from tacstrip.io.log_import.names import meanings
 from tacstrip.io.log_import.relations import joined
@@ -247,7 +248,10 @@ def _of_workbook(file: Path, sheets: dict[str, list[list[Any]]], name: str | Non
 
 
 def _holds_readings(table: Table) -> bool:
-    return any(m.role == "reading" for m in meanings(table.names).values())
+    """Return whether a sheet has a column of readings: a name, and below it numbers or what stands for no contact."""
+    named = [n for n, m in meanings(table.names).items() if m.role == "reading"]
+    columns = [[f for f in table.column(n) if not says_nothing(f)] for n in named]
+    return any(c and all(quantity(f, table.decimal) is not None for f in c) for c in columns)
 
 
 def _names_strips(table: Table) -> bool:

@@ -16,6 +16,8 @@ from tacstrip.io.log_import.questions import Clues
 CLOCK_BITS = (16, 32)
 _STEADY, _MOSTLY = 0.1, 0.7  # so far are steps of a clock from the usual one, and so many of them
 _FEW_SCANS = 3
+_WORD = re.compile(r"[^\W\d_]{2}")
+_SEVERAL = 1.5  # lines of a scan, in the mean
 _FEW_WORDS = 2  # among numbers: one may stand for no contact, which is asked
 
 
@@ -34,6 +36,31 @@ def may_label_strips(clues: Clues, name: str) -> bool:
     fields = clues.table.column(name)
     numbers = [v for v in clues.values(name) if v is not None]
     return 1 < len(set(fields)) <= len(fields) // 2 and all(v == int(v) for v in numbers)
+
+
+def names_strips(clues: Clues, name: str) -> bool:
+    """Return whether a column has as many words as the sensor has strips, each but once among lines of one scan.
+
+    Not words that count, or of an end. A scan ends before the first word that comes again.
+    """
+    fields = clues.table.column(name)
+    words = {*fields}
+    strips = clues.sensor.strips if clues.sensor else 0
+    if (
+        len(words) != strips
+        or strips < _FEW_SCANS
+        or any(re.search(r"\d", w) or not _WORD.search(w) for w in words)
+    ):
+        return False
+    if any(m.strip is not None or m.channel for m in meanings(sorted(words)).values()):
+        return False
+    begins, seen = [0], set[str]()
+    for n, field in enumerate(fields):
+        if field in seen:
+            begins.append(n)
+            seen = set()
+        seen.add(field)
+    return len(fields) > _SEVERAL * len(begins) > _SEVERAL * _FEW_SCANS
 
 
 def counts_strips(clues: Clues, name: str, same: Sequence[str]) -> bool:

@@ -56,6 +56,7 @@ _SUM = re.compile(
     re.IGNORECASE,
 )
 _DIVIDED = re.compile(r"[/\u00f7]|>>|divid|mean\b|averag", re.IGNORECASE)
+_UNITY = re.compile(r"\bgain(?: of| is)?[\s:=x\u00d7]{0,4}1(?:\.0+)?(?![\d.,/:]*\d)", re.IGNORECASE)
 _OVER_VREF = re.compile(r"\bdivided? by v_?ref", re.IGNORECASE)
 _NUMBER = r"\d+(?:\.\d+)?"
 _ALONE = re.compile(rf"(?<![\w.])(?:[x\u00d7] ?)?({_NUMBER})(?![\w.]*\d)")
@@ -83,7 +84,15 @@ _STEP = re.compile(
 _PREFIXES = {"": 1.0, "m": 1e-3, "u": 1e-6, "\u00b5": 1e-6}
 _PLACE = re.compile(  # as "y = U / Uref * L, L = 12 cm"
     r"=\s*(?:\(?\s*[a-z]\w*\s*/\s*[a-z]\w*\s*\)?\s*[*\u00b7]?\s*L|L\s*[*\u00b7]\s*[a-z]\w*\s*/\s*[a-z]\w*)\b"
-    r"[^=\n]*?\bL\s*=\s*(\d+(?:[.,]\d+)?)\s*(mm|cm|m)\b",
+    r"[^=\n]*?\bL\s*=\s*(?P<length>\d+(?:[.,]\d+)?)\s*(?P<unit>mm|cm|m)\b",
+    re.IGNORECASE,
+)
+# The same as "cm = V / Vref * stripLength", where the length stands in a setting of its own.
+_OF_LENGTH = re.compile(
+    r"=\s*\(?\s*[a-z]\w*\s*/\s*\w*ref\w*\s*\)?\s*[*\u00b7x]\s*\w*(?:length|l\u00e4nge)\w*", re.I
+)
+_LENGTH_SAID = re.compile(
+    r"(?:length|l\u00e4nge)[ _]?[\[(]?(?P<unit>mm|cm|m)[\])]?[\"']?\s*[:=]\s*(?P<length>\d+(?:[.,]\d+)?)",
     re.IGNORECASE,
 )
 _NEAR = 0.02  # relative
@@ -113,7 +122,7 @@ def factor(clues: Clues) -> float:
         clues.because(f"readings are sums of {many}, as the log says above them: divided by that")
         return 1.0 / many
     for line in clues.table.preamble:
-        text = _bare(line)
+        text = _bare(_UNITY.sub(" ", line))
         if _SHIFTED.search(text):
             clues.ask(
                 "scale",
@@ -173,8 +182,11 @@ def of_lengths(clues: Clues, columns: list[str]) -> float:
         return 1.0
     unit = answer if answer in LENGTHS_MM else units.pop()
     length = clues.sensor.length_mm / LENGTHS_MM[unit] if clues.sensor else 0.0
-    told = next((m for line in clues.table.preamble if (m := _PLACE.search(line))), None)
-    said = float(told[1].replace(",", ".")) * LENGTHS_MM[told[2].lower()] / LENGTHS_MM[unit] if told else 0.0
+    text = "\n".join(clues.table.preamble)
+    told = _PLACE.search(text) or (_LENGTH_SAID.search(text) if _OF_LENGTH.search(text) else None)
+    said = 0.0
+    if told:
+        said = float(told["length"].replace(",", ".")) * LENGTHS_MM[told["unit"].lower()] / LENGTHS_MM[unit]
     if not answer and not (length and abs(said - length) < _NEAR * length):
         clues.ask(
             "unit",

@@ -1,4 +1,4 @@
-"""Text of known dialects: Teleplot, InfluxDB's line protocol, Prometheus' samples, what Octave saves, YAML."""
+"""Text of known dialects: Teleplot, InfluxDB's line protocol, Prometheus' samples, arrays, YAML."""
 
 from __future__ import annotations
 
@@ -6,17 +6,38 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+import numpy.typing as npt
+
+from tacstrip.io.log_import.arrays import of_arrays
 from tacstrip.io.log_import.fields import number_of, says_nothing
 from tacstrip.io.log_import.gathered import touched_vary
-from tacstrip.io.log_import.prints import of_octave
 from tacstrip.io.log_import.strays import filled_lines
-from tacstrip.io.log_import.table import Table, of_records
+from tacstrip.io.log_import.table import ContradictionError, Table, of_records
 from tacstrip.io.log_import.yaml_text import of_yaml
 
 _STEADY = 0.8  # of the lines
 _TELEPLOT = re.compile(r">([^:|§\d][^:|§]*):(\d+(?:\.\d+)?):([^:;|§]+)(?:§([^|]*))?(?:\|\w*)?")
 _KEYS = r"[^,=\s]+=(?:\"[^\"]*\"|[^,\s\"]+)"
 _INFLUX = re.compile(rf"[^,=\s]+((?:,{_KEYS})*) ({_KEYS}(?:,{_KEYS})*) (\d{{10,19}})")
+_ARRAYS = (  # named arrays with their sizes, as Octave, h5dump and Igor Pro write them
+    re.compile(
+        r"(?m)^# name: (?P<name>\w+)\n# type: (?:complex )?matrix\n"
+        r"(?P<shape>(?:# .*\n)+)(?P<body>(?:[^#\n]*\n)+)"
+    ),
+    re.compile(
+        r"DATASET \"(?P<name>[^\"]+)\" \{[^{}]*(?:\{[^{}]*\}\s*)?DATASPACE\s+SIMPLE \{ \((?P<shape>[\d, ]+)\)"
+        r"[^}]*\}\s*DATA \{(?P<body>[^}]*)\}(?P<behind>(?:(?!DATASET).)*)",
+        re.DOTALL,
+    ),
+    re.compile(
+        r"WAVES\S*?/N=\((?P<shape>[\d,]+)\)\S*\s+'?(?P<name>[\w ]+?)'?\s*[\r\n]+BEGIN\s(?P<body>.*?)\sEND\b",
+        re.DOTALL,
+    ),
+)
+_PLACE = re.compile(r"\(\d+(?:,\d+)*\):")  # of the number behind it, as h5dump writes
+_STEP = re.compile(r"SetScale/P x [^,]+,([\d.eE+-]+),\"s\"")  # from scan to scan, of Igor
+_UNIT_OF = re.compile(r"ATTRIBUTE \"units?\".*?\(0\): \"([^\s\"]+)", re.DOTALL)
 _SAMPLE = re.compile(r"(\w+)\{([^{}]*)\} (\S+) (\d{10,19})\Z")  # of Prometheus
 
 
@@ -25,7 +46,7 @@ def of_dialect(text: str, path: str) -> Table | None:
     readers: tuple[Callable[[str, str], Table | None], ...] = (
         _teleplot,
         _influx,
-        of_octave,
+        _named_arrays,
         of_yaml,
     )
     return next((table for read in readers if (table := read(text, path)) is not None), None)
@@ -86,3 +107,28 @@ def _nanoseconds(stamp: str) -> str:
 def _with_broken(table: Table, lines: Sequence[tuple[int, str]], form: re.Pattern[str]) -> Table:
     broken = {i: line for i, line in lines if not form.fullmatch(line)}
     return replace(table, broken=tuple(broken), quotes=broken)
+
+
+def _named_arrays(text: str, path: str) -> Table | None:
+    """Return arrays that a program saved as text: names, sizes, and the numbers; other lines as lines above."""
+    arrays: dict[str, npt.NDArray[np.float64]] = {}
+    around = text
+    for m in (m for form in _ARRAYS for m in form.finditer(text)):
+        name, shape = m["name"], [int(n) for n in re.findall(r"\d+", m["shape"])]
+        fields = _PLACE.sub(" ", m["body"]).replace(",", " ").split()
+        values = [np.nan if says_nothing(f) or f == "NA" else number_of(f) for f in fields]
+        if None in values or len(values) != int(np.prod(shape)):
+            raise ContradictionError(
+                f"{path}: {name} is said to be of {shape} numbers, and is not: is it cut?"
+            )
+        unit = _UNIT_OF.search(m.groupdict().get("behind") or "")
+        arrays[f"{name} [{unit[1]}]" if unit else name] = (
+            np.array(values, dtype=np.float64).reshape(shape).squeeze()
+        )
+        around = around.replace(m["body"], "\n")
+    if not arrays:
+        return None
+    step = _STEP.search(text)
+    table = of_arrays(arrays, path, {"dt_s": float(step[1])} if step else {}, "arrays with names and sizes")
+    beside = [] if _ARRAYS[0].search(text) else filled_lines(around)  # Octave's are variables, too
+    return replace(table, preamble=(*table.preamble, *(line for _, line in beside)))

@@ -10,13 +10,14 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import ReadingError
+from tacstrip.io.input_checks import counted_down
 from tacstrip.io.log_import.fields import clock_seconds, number_of
 from tacstrip.io.log_import.mapping import ColumnMapping
 from tacstrip.io.log_import.names import CLOCKS, TIME_UNITS, meanings, seconds_of, unknown_unit
 from tacstrip.io.log_import.questions import Clues
-from tacstrip.io.log_import.scans import field_value, raw_times
+from tacstrip.io.log_import.scans import field_value, is_newest_first, raw_times
 from tacstrip.io.log_import.supply import ask_for_vref
-from tacstrip.io.log_import.table import CLOCK, ROW
+from tacstrip.io.log_import.table import CLOCK, ROW, Table
 from tacstrip.io.log_import.words import all_are
 
 _APART = 5.0  # times: nothing lies between numbers of two units, or around one that lost its point
@@ -60,7 +61,10 @@ def raise_doubts(clues: Clues, mapping: ColumnMapping) -> None:
         if name in used or name in clues.answers or not all_are(name.replace("_", " "), "validity"):
             continue
         fields = clues.table.column(name)
-        if len(set(fields)) > 1:
+        at = dict(zip(clues.table.lines, fields, strict=True))
+        if (
+            len({at[line] for line, *_ in _readings(clues, mapping)}) > 1
+        ):  # else it says where nothing touches
             line = clues.table.lines[next(n for n, f in enumerate(fields) if f != fields[0])]
             clues.ask(
                 name,
@@ -268,3 +272,13 @@ def _of_known_units(clues: Clues, mapping: ColumnMapping) -> None:
             f"column {strange[0]!r}: {said[strange[0]]!r} is no unit of readings that is known; save them in "
             "V, mV, codes or over Vref, or say --answer unit=V (mV, code, ...) if the numbers are in that"
         )
+
+
+def backwards(table: Table, mapping: ColumnMapping) -> list[str]:
+    """Return a warning where the first scan's lines count its strips down, and the log's scans are not counted so."""
+    if mapping.strips < 2 or mapping.strip not in table.places or is_newest_first(table, mapping):
+        return []
+    strips = [*dict.fromkeys(map(number_of, table.column(mapping.strip)))][: mapping.strips]
+    last = mapping.strip_base + mapping.strips - 1
+    down = strips == [*range(last, mapping.strip_base - 1, -1)]
+    return [counted_down(mapping.strip_base, last)] if down else []

@@ -28,6 +28,7 @@ from tacstrip.io.log_import.table import ContradictionError
 _ABOVE = 0.95  # of the strips: k_h is above k_l there, and so the names are clear
 _ENDS = 2  # of a strip
 _APART = 0.004  # over the largest reading: by which k_h and k_l differ, in the median
+_SAME_SIGN, _LEAST_APART = 0.99, 0.001  # of the strips; over the largest reading, in the median
 _OFTEN = 0.2  # of the readings
 _PAIRS_TOLD = 20  # pairs of readings that tell in which order columns stand
 _ALONE = 0.9  # of the readings of one end: so many have the other beside them
@@ -261,14 +262,20 @@ def noise(table: FloatArray) -> float:
 
 
 def above(high: FloatArray, low: FloatArray) -> bool:
-    """Return whether one of two channels is the larger nearly everywhere, and clearly so in the median."""
+    """Return whether one of two channels is the larger nearly everywhere, and clearly so in the median.
+
+    By less than that, if it is on many strips and hardly ever the smaller: no noise has always the same sign.
+    """
     apart = (high - low)[
         np.isfinite(high - low) & ((high != 0.0) | (low != 0.0))
     ]  # both are 0 where nothing touches
     if len(apart) < 2:
         return False
     scale = float(np.nanmax(np.abs(np.stack([high, low]))))
-    return bool((apart >= -_APART * scale).mean() >= _ABOVE and np.median(apart) > _APART * scale)
+    middle = np.median(apart)
+    if len(apart) >= _PAIRS_TOLD and (apart > 0.0).mean() >= _SAME_SIGN and middle > _LEAST_APART * scale:
+        return True
+    return bool((apart >= -_APART * scale).mean() >= _ABOVE and middle > _APART * scale)
 
 
 def ends_exchanged(scans: Sequence[LogScan], mapping: ColumnMapping, answer: str | None) -> list[str]:

@@ -38,6 +38,7 @@ _CLOCK = re.compile(rf"(?:{_DATE}[T ,_]+)?{_OF_DAY}{_ZONE}")
 _COMPACT = re.compile(r"(\d{4})(\d\d)(\d\d)[T_ -](\d\d)(\d\d)(\d\d(?:\.\d+)?)")
 _MINUTES = re.compile(r"(\d{1,3}):(\d\d(?:[.,]\d+)?)")
 _HALF = r"\s*[AaPp]\.?[Mm]\.?"
+_SHORT = re.compile(rf"(?P<date>{_DATE}[T ,_]+)(\d\d?):(\d\d?):(\d\d?)(?![\d:])")  # as of a clock's chip
 _WITHOUT_SECONDS = re.compile(
     rf"(?:{_DATE}[T ,_]+\d{{1,2}}:\d\d(?=(?:{_HALF})?(?:{_ZONE})\Z)|(?<![\d:])\d{{1,2}}:\d\d(?={_HALF}\Z))"
 )
@@ -150,10 +151,15 @@ def clock_seconds(text: str, day_first: bool = False) -> float | None:
     --------
     >>> clock_seconds("3:04:05,5 PM"), clock_seconds("01:02.5"), clock_seconds("2.5")
     (54245.5, 62.5, None)
+    >>> clock_seconds("2026/3/14 9:0:7") % 86400.0, clock_seconds("'26-03-14 09:00:07") % 86400.0
+    (32407.0, 32407.0)
     >>> clock_seconds("2026-03-14 14:05") % 86400.0, clock_seconds("2:05 PM"), clock_seconds("2:05:00 PM")
     (50700.0, 50700.0, 50700.0)
     """
-    text = _WITHOUT_SECONDS.sub(r"\g<0>:00", text.strip(), count=1)
+    text = _WITHOUT_SECONDS.sub(r"\g<0>:00", re.sub(r"\A'(?=\d\d[-/.]\d)", "20", text.strip()), count=1)
+    text = _SHORT.sub(
+        lambda m: m["date"] + ":".join(part.zfill(2) for part in m.groups()[-3:]), text, count=1
+    )
     if found := _MINUTES.fullmatch(text):
         return int(found[1]) * 60.0 + float(found[2].replace(",", "."))
     if found := _COMPACT.fullmatch(text):

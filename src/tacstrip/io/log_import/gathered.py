@@ -7,7 +7,7 @@ import itertools
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.fields import STAMP, is_prose, number_of, says_nothing
@@ -45,7 +45,7 @@ def named_values(lines: list[tuple[int, str]], stamps: Mapping[int, str]) -> Tab
     pointed = _with_points(lines)
     parsed = parsed if pointed is lines else [(i, items(line)) for i, line in pointed]
     parsed = _with_first_as_time(_of_both_ends(_without_counts(parsed)))
-    table = _gathered(parsed, dict(pointed), _shared(parsed, stamps))
+    table = _Gathering(parsed, dict(pointed), _shared(parsed, stamps)).table()
     doubts = [
         f"line {i} says {w!r} in place of readings: does nothing touch the strip, or is it a fault?"
         for w, i in unknown.items()
@@ -164,199 +164,268 @@ def _fields(found: Sequence[Item]) -> dict[str, str]:
     return fields
 
 
-def _gathered(
-    parsed: list[tuple[int, list[Item]]], texts: Mapping[int, str], stamps: Mapping[int, str]
-) -> Table | None:
-    """Gather lines to records: labels hold for the lines below, and a name that comes again begins the next record.
+@dataclass
+class _Record:
+    """What lines name together: values by name, its first line, that of its label, and each line with its names."""
+
+    values: dict[str, str]
+    line: int
+    begin: int
+    parts: list[tuple[int, set[str]]]
+
+
+@dataclass(frozen=True)
+class _Void:
+    """A scan without a record: before which one it stands, the line that says it, and its labels."""
+
+    place: int
+    line: int
+    labels: dict[str, str]
+
+
+class _Gathering:
+    """Lines gathered to records: labels hold for the lines below, and a name that comes again begins the next record.
 
     So does another stamp.
     """
-    records: list[dict[str, str]] = []
-    above: list[int] = []
-    lines: list[int] = []
-    labels: dict[str, str] = {}
-    record: dict[str, str] = {}
-    start = begin = 0
-    begins: list[int] = []  # of each record: its first line, or that of its label
-    strange = []
-    parts: list[tuple[int, set[str]]] = []  # of the record: its lines, and what they name
-    pieces: list[list[tuple[int, set[str]]]] = []
-    heading: dict[str, int] = {}  # labels of a scan below which no record has come yet, and their lines
-    void: list[
-        tuple[int, int, dict[str, str]]
-    ] = []  # scans without a line: before which record, line, labels
-    timed: list[
-        tuple[int, int, dict[str, str]]
-    ] = []  # the same, of lines that only have a time, as a cut one may
 
-    def flush() -> None:
-        nonlocal record, parts
-        if record:
-            records.append(labels | record)
-            lines.append(start)
-            begins.append(begin)
-            pieces.append(parts)
-        record, parts = {}, []
+    def __init__(
+        self, parsed: list[tuple[int, list[Item]]], texts: Mapping[int, str], stamps: Mapping[int, str]
+    ) -> None:
+        self.parsed, self.texts, self.stamps = parsed, texts, stamps
+        self.records: list[_Record] = []
+        self.above: list[int] = []
+        self.strange: list[int] = []
+        self.doubts: list[str] = []
+        self.void: list[_Void] = []
+        self.timed: list[_Void] = []  # of lines that only have a time, as a cut one may
+        self.heading: dict[
+            str, int
+        ] = {}  # labels of a scan below which no record has come yet, and their lines
+        self.labels: dict[str, str] = {}
+        self.empty: set[int] = set()
+        self.listed: list[str] = []  # strips that every scan lists
+        self._record: _Record | None = None
+        self._read()
 
-    # What a line that is cut before its first number could hold.
-    words = {m.group() for text in texts.values() if (m := re.match(r"[A-Za-z]{2,}", text.strip()))}
-    starts = {
-        word[:n]
-        for word in words
-        if sum(t.strip().startswith(word) for t in texts.values()) > 2
-        for n in range(2, len(word) + 1)
-    }
-    torn = _cut_labels(parsed)
-    for number, found in parsed:
-        if number in torn:
-            strange.append(number)
-            continue
-        if not any(i.told or i.name for i in found):
-            if not records and not record:
-                above.append(number)
-            elif found or re.search(r"\d", texts[number]) or texts[number].strip() in starts:
-                strange.append(number)
-            continue
-        fields = _fields(found)
+    def _read(self) -> None:
+        torn, starts = _cut_labels(self.parsed), _first_letters(self.texts)
+        for number, found in self.parsed:
+            text = self.texts[number]
+            if number in torn:
+                self.strange.append(number)
+            elif any(i.told or i.name for i in found):
+                self._take(number, _fields(found))
+            elif not self.records and not self._record:
+                self.above.append(number)
+            elif found or re.search(r"\d", text) or text.strip() in starts:
+                self.strange.append(number)
+        self._flush()
+
+    def _flush(self) -> None:
+        if self._record:
+            self.records.append(replace(self._record, values=self.labels | self._record.values))
+        self._record = None
+
+    def _take(self, number: int, fields: dict[str, str]) -> None:
+        """Take what a line names."""
         told = {name: f for name, f in fields.items() if meaning(name).role in LABELS}
-        later = bool(record) and stamps.get(number, "") != stamps.get(parts[-1][0], "")
-        if later or any(labels.get(n) != f for n, f in told.items()) or any(n in record for n in fields):
-            flush()
+        record, stamps = self._record, self.stamps
+        later = record is not None and stamps.get(number, "") != stamps.get(record.parts[-1][0], "")
+        again = record is not None and any(n in record.values for n in fields)
+        if later or again or any(self.labels.get(n) != f for n, f in told.items()):
+            self._flush()
         alone = len(told) == len(fields)  # a line that only says which scan the next ones are of
-        if heading and not alone and {*heading} <= {*told} and any(told[n] != labels[n] for n in heading):
+        heading = self.heading
+        if (
+            heading
+            and not alone
+            and {*heading} <= {*told}
+            and any(told[n] != self.labels[n] for n in heading)
+        ):
             # The lines below have a time of their own, another one.
             at = min(heading.values())
-            (void if _says_no_contact(texts[at]) else timed).append((len(records), at, dict(labels)))
-            heading = {}
-        if anew := [n for n in told if n in heading and alone]:
-            void.append((len(records), heading[anew[0]], dict(labels)))
-            heading = {}
-        labels = labels | told
-        heading |= {n: number for n in told if alone and meaning(n).role in ("scan", "time")}
+            (self.void if _says_no_contact(self.texts[at]) else self.timed).append(self._void(at))
+            self.heading = {}
+        if anew := [n for n in told if n in self.heading and alone]:
+            self.void.append(self._void(self.heading[anew[0]]))
+            self.heading = {}
+        self.labels = self.labels | told
+        self.heading |= {n: number for n in told if alone and meaning(n).role in ("scan", "time")}
         if rest := {name: f for name, f in fields.items() if name not in told}:
-            start, begin = (start, begin) if record else (number, min([number, *heading.values()]))
-            record |= rest
-            parts.append((number, {*rest}))
-            heading = {}
-    flush()
-    if not records:
-        return None
-    kinds = Counter(frozenset(r) for r in records)
-    usual, many = kinds.most_common(1)[0]
-    forms = {parted(i, texts[i]).form for i in lines if i in texts}
-    values = [form.count(VALUE) + form.count(TIME) for form in forms]
-    # As where a mark that is no number was passed over.
-    if len(kinds) > 1 and len(forms) == 1 and len(lines) > _FEW_ALIKE and values[0] >= max(map(len, records)):
-        raise NoTableError(f"lines from {lines[0]} on are of one form, and give different numbers of values")
-    strange += [i for i in above if any(re.search(rf"\b{re.escape(n)}\s*[:=]", texts[i]) for n in usual)]
-    varied = touched_vary(records)
-    for n, (r, lines_of) in enumerate(zip(records, pieces, strict=True)):
-        # A line of other names behind those of a record, as of a debugging message, is none of it.
-        other = [(i, named) for i, named in lines_of if not (varied or named & usual)]
-        if frozenset(r) > usual and other and {*r} - set().union(*(named for _, named in other)) == usual:
-            strange += [i for i, _ in other]
-            records[n] = {name: f for name, f in r.items() if name in usual}
-    empty: set[int] = set()
-    listed: list[str] = []  # strips that every scan lists
-    strips = [n for n in usual if meaning(n).role == "strip"]
-    if strips and _NAMELESS in usual and len({r.get(strips[0]) for r in records}) == 1:
-        # It only says how many there are, and a number without a name which one a line is of.
-        once = strips.pop()
-        above += [i for i, found in parsed if once in _fields(found)]
-        records = [{n: f for n, f in r.items() if n != once} for r in records]
-        usual = usual - {once}
-        void = [(place, line, {n: f for n, f in told.items() if n != once}) for place, line, told in void]
-        timed = [(place, line, {n: f for n, f in told.items() if n != once}) for place, line, told in timed]
-    strips = strips or [n for n in usual if n == _NAMELESS]
-    doubts: list[str] = []
-    if heading:
-        last = (len(records), min(heading.values()), dict(labels))
-        ended = parsed[-1][0] > max(heading.values()) or (void and void[-1][0] == len(records))
-        ended = ended or _says_no_contact(texts[last[1]])
-        if ended:
-            void.append(last)
-        else:  # it may be cut
-            doubts.append(
-                f"line {last[1]} ({texts[last[1]].strip()!r}), the last, says nothing of a strip: left out"
-            )
-    worded = [one for one in void if _says_no_contact(texts[one[1]])]
-    if len(void) < 2 * len(worded):  # others, that say nothing, are cut
-        strange += [line for _, line, _ in void if line not in {at for _, at, _ in worded}]
-        void = worded
-    if len(timed) > 1:
-        void = sorted([*void, *timed], key=lambda one: one[1])
-    else:
-        strange += [line for _, line, _ in timed]
-    if void and varied:
-        for place, line, told in reversed(void):
-            records.insert(place, dict(told))
-            lines.insert(place, line)
-            begins.insert(place, line)
-            pieces.insert(place, [])
-    elif void and not strips:
-        strange += [line for _, line, _ in void]
-    elif void:
-        inner = next(list(r) for r in records if frozenset(r) == usual)
-        shown = next(r[strips[0]] for r in records if strips[0] in r)
-        often = Counter(r.get(strips[0], "") for r in records)
-        listed = (
-            [*often][::-1] if len({*often.values()}) == 1 and len(often) > 1 else []
-        )  # each in every scan
-        for place, line, told in reversed(void):
-            if {*told} <= usual:
-                for strip in listed or [shown]:
-                    records.insert(place, dict.fromkeys(inner, "") | told | {strips[0]: strip})
-                    lines.insert(place, line)
-                    pieces.insert(place, [])
-                empty.add(line)
-            else:
-                strange.append(line)
-    if varied:  # what a line that is not understood says of its scan is not known
-        spans = list(zip(begins, [*begins[1:], parsed[-1][0] + 1], strict=True))
-        words = {w.casefold() for n in usual for w in re.findall(r"[A-Za-z]+", n)}
-        lost = [i for i in strange if not is_prose(texts[i], words)]
-        hit = [any(a <= i < b for i in lost) for a, b in spans]
-        strange += [i for out, lines_of in zip(hit, pieces, strict=True) for i, _ in lines_of if out]
-        records = [r for r, out in zip(records, hit, strict=True) if not out]
-        lines = [i for i, out in zip(lines, hit, strict=True) if not out]
-        if not records:
+            if self._record is None:
+                self._record = _Record({}, number, min([number, *self.heading.values()]), [])
+            self._record.values |= rest
+            self._record.parts.append((number, {*rest}))
+            self.heading = {}
+
+    def _void(self, line: int) -> _Void:
+        return _Void(len(self.records), line, dict(self.labels))
+
+    def table(self) -> Table | None:
+        """Return the records as a table; None where there is none."""
+        if not self.records:
             return None
-    elif many >= _FEW_KINDS * len(records):
-        named = {i: [n for n, _ in lines_of] for i, lines_of in zip(lines, pieces, strict=True)}
-        odd = [(i, r) for i, r in zip(lines, records, strict=True) if frozenset(r) != usual]
-        kept = [(i, r) for i, r in zip(lines, records, strict=True) if frozenset(r) == usual]
-        lines, records = [i for i, _ in kept], [r for _, r in kept]
-        names = list(records[0])
-        # Of other names altogether, or the end of a line in the middle of which the log begins.
-        above += [i for i, r in odd if i < lines[0] and (not usual & {*r} or list(r) == names[-len(r) :])]
-        strange += [n for i, _ in odd if i not in above for n in named[i] or [i]]
-    above = [i for i in above if i not in strange]
-    words = {w.casefold() for n in usual for w in re.findall(r"[A-Za-z]+", n)}
-    prose = [i for i in strange if is_prose(texts[i], words)]
-    alike = [i for i in prose if parted(i, texts[i]).form in forms]
-    if len(alike) > _FEW_ALIKE:  # as the other end of each strip, in lines of its own
-        raise NoTableError(
-            f"line(s) {', '.join(map(str, alike[:_FEW_ALIKE]))}, ... have the form of those that name "
-            f"{', '.join(sorted(usual))}, and other names: what do they hold?"
+        kinds = Counter(frozenset(r.values) for r in self.records)
+        usual, many = kinds.most_common(1)[0]
+        forms = {parted(r.line, self.texts[r.line]).form for r in self.records if r.line in self.texts}
+        self._check_forms(len(kinds), forms)
+        self.strange += [
+            i for i in self.above if any(re.search(rf"\b{re.escape(n)}\s*[:=]", self.texts[i]) for n in usual)
+        ]
+        varied = touched_vary([r.values for r in self.records])
+        for record in () if varied else self.records:
+            self._drop_others(record, usual)
+        usual, strips = self._without_count(usual)
+        self._end()
+        self._insert_voids(varied, usual, strips)
+        words = {w.casefold() for n in usual for w in re.findall(r"[A-Za-z]+", n)}
+        if varied:
+            self._drop_hit(words)
+        elif many >= _FEW_KINDS * len(self.records):
+            self._drop_odd(usual)
+        if not self.records:
+            return None
+        return self._made(self._messages(usual, words, forms), varied)
+
+    def _check_forms(self, kinds: int, forms: set[str]) -> None:
+        """Refuse lines of one form that give different numbers of values, as where a mark was passed over."""
+        values = [form.count(VALUE) + form.count(TIME) for form in forms]
+        most = max(len(r.values) for r in self.records)
+        if kinds > 1 and len(forms) == 1 and len(self.records) > _FEW_ALIKE and values[0] >= most:
+            raise NoTableError(
+                f"lines from {self.records[0].line} on are of one form, and give different numbers of values"
+            )
+
+    def _drop_others(self, record: _Record, usual: frozenset[str]) -> None:
+        """Take lines of other names, as of a debugging message, out of a record that has the usual ones, too."""
+        other = [(i, named) for i, named in record.parts if not named & usual]
+        there = {*record.values}
+        if there > usual and other and there - set().union(*(named for _, named in other)) == usual:
+            self.strange += [i for i, _ in other]
+            record.values = {name: f for name, f in record.values.items() if name in usual}
+
+    def _without_count(self, usual: frozenset[str]) -> tuple[frozenset[str], list[str]]:
+        """Return the usual names and those of strips, without one that only says how many there are.
+
+        A number without a name then says which one a line is of.
+        """
+        strips = [n for n in self.records[0].values if n in usual and meaning(n).role == "strip"]
+        if (
+            strips
+            and _NAMELESS in usual
+            and len({*(tuple(map(r.values.get, strips)) for r in self.records)}) == 1
+        ):
+            once = strips.pop()
+            self.above += [i for i, found in self.parsed if once in _fields(found)]
+            for one in (*(r.values for r in self.records), *(v.labels for v in (*self.void, *self.timed))):
+                one.pop(once, None)
+            usual = usual - {once}
+        return usual, strips or [n for n in usual if n == _NAMELESS]
+
+    def _end(self) -> None:
+        """Decide which scans without a record are such: the last may be cut, and so may be others that say nothing."""
+        if self.heading:
+            last = self._void(min(self.heading.values()))
+            ended = self.parsed[-1][0] > max(self.heading.values())
+            ended = ended or bool(self.void and self.void[-1].place == len(self.records))
+            if ended or _says_no_contact(self.texts[last.line]):
+                self.void.append(last)
+            else:
+                text = self.texts[last.line].strip()
+                self.doubts.append(
+                    f"line {last.line} ({text!r}), the last, says nothing of a strip: left out"
+                )
+        worded = [one for one in self.void if _says_no_contact(self.texts[one.line])]
+        if len(self.void) < 2 * len(worded):
+            self.strange += [one.line for one in self.void if one not in worded]
+            self.void = worded
+        if len(self.timed) > 1:
+            self.void = sorted([*self.void, *self.timed], key=lambda one: one.line)
+        else:
+            self.strange += [one.line for one in self.timed]
+
+    def _insert_voids(self, varied: int, usual: frozenset[str], strips: list[str]) -> None:
+        """Insert records for scans in which nothing touches: of labels only, or of one strip, or of each listed one."""
+        if not (varied or strips):
+            self.strange += [one.line for one in self.void]
+            return
+        shown: list[str] = []
+        inner: list[str] = []
+        if self.void and not varied:
+            inner = next(list(r.values) for r in self.records if frozenset(r.values) == usual)
+            there = [r.values[strips[0]] for r in self.records if strips[0] in r.values]
+            often = Counter(there)
+            if len({*often.values()}) == 1 and len(often) > 1 and len(there) == len(self.records):
+                self.listed = [*often]
+            shown = self.listed or there[:1]
+        for one in reversed(self.void):
+            if varied:
+                made = [dict(one.labels)]
+            elif {*one.labels} <= usual:
+                made = [dict.fromkeys(inner, "") | one.labels | {strips[0]: strip} for strip in shown]
+                self.empty.add(one.line)
+            else:
+                self.strange.append(one.line)
+                continue
+            self.records[one.place : one.place] = [_Record(values, one.line, one.line, []) for values in made]
+
+    def _drop_hit(self, words: set[str]) -> None:
+        """Leave out scans of touched strips within which a line is not understood: what it says is not known."""
+        ends = [*(r.begin for r in self.records[1:]), self.parsed[-1][0] + 1]
+        lost = [i for i in self.strange if not is_prose(self.texts[i], words)]
+        hit = [any(r.begin <= i < end for i in lost) for r, end in zip(self.records, ends, strict=True)]
+        both = [*zip(self.records, hit, strict=True)]
+        self.strange += [i for r, out in both for i, _ in r.parts if out]
+        self.records = [r for r, out in both if not out]
+
+    def _drop_odd(self, usual: frozenset[str]) -> None:
+        """Leave out records of other names than the usual ones."""
+        odd = [r for r in self.records if frozenset(r.values) != usual]
+        self.records = [r for r in self.records if frozenset(r.values) == usual]
+        first, names = self.records[0].line, list(self.records[0].values)
+        for r in odd:
+            # Of other names altogether, or the end of a line in the middle of which the log begins.
+            ends = not usual & {*r.values} or list(r.values) == names[-len(r.values) :]
+            if r.line < first and ends:
+                self.above.append(r.line)
+            else:
+                self.strange += [i for i, _ in r.parts] or [r.line]
+
+    def _messages(self, usual: frozenset[str], words: set[str], forms: set[str]) -> list[int]:
+        """Return the lines not understood that are messages; refuse those of the form of the readings' own lines."""
+        prose = [i for i in self.strange if is_prose(self.texts[i], words)]
+        alike = [i for i in prose if parted(i, self.texts[i]).form in forms]
+        if len(alike) > _FEW_ALIKE:  # as the other end of each strip, in lines of its own
+            raise NoTableError(
+                f"line(s) {', '.join(map(str, alike[:_FEW_ALIKE]))}, ... have the form of those that name "
+                f"{', '.join(sorted(usual))}, and other names: what do they hold?"
+            )
+        return prose
+
+    def _made(self, prose: list[int], varied: int) -> Table:
+        above = [i for i in self.above if i not in self.strange]
+        strange = {*self.strange} - {*prose}
+        said = [f"{len(above)} line(s) above passed over"] if above else []
+        said += [f"line(s) {', '.join(map(str, prose))}: messages, passed over"] if prose else []
+        said += [f"{len(self.empty)} scan(s) without a line: nothing touches in them"] if self.empty else []
+        values, lines = [r.values for r in self.records], [r.line for r in self.records]
+        return replace(
+            of_records(values, lines, ".", "each line names its values", *said),
+            broken=tuple(sorted(strange)),
+            preamble=tuple(self.texts[i] for i in above),
+            quotes={i: self.texts[i].strip() for i in strange},
+            empty=frozenset() if self.listed else frozenset(self.empty),
+            doubts=tuple(self.doubts),
+            varied=varied > 1,
         )
-    strange = [i for i in strange if i not in prose]
-    said = [f"{len(above)} line(s) above passed over"] if above else []
-    said += [f"line(s) {', '.join(map(str, prose))}: messages, passed over"] if prose else []
-    table = of_records(records, lines, ".", "each line names its values", *said)
-    quotes = {i: texts[i].strip() for i in strange}
-    if empty:
-        table = replace(
-            table, remarks=(*table.remarks, f"{len(empty)} scan(s) without a line: nothing touches in them")
-        )
-    return replace(
-        table,
-        broken=tuple(sorted({*strange})),
-        preamble=tuple(texts[i] for i in above),
-        quotes=quotes,
-        empty=frozenset() if listed else frozenset(empty),
-        doubts=tuple(doubts),
-        varied=varied > 1,
-    )
+
+
+def _first_letters(texts: Mapping[int, str]) -> set[str]:
+    """Return what a line that is cut before its first number could hold: how words begin that several lines do."""
+    words = {m.group() for text in texts.values() if (m := re.match(r"[A-Za-z]{2,}", text.strip()))}
+    often = [w for w in words if sum(t.strip().startswith(w) for t in texts.values()) > 2]
+    return {word[:n] for word in often for n in range(2, len(word) + 1)}
 
 
 def touched_vary(records: Sequence[Mapping[str, str]]) -> int:

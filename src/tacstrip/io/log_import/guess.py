@@ -13,19 +13,29 @@ from typing import TypeVar
 
 import numpy as np
 
+from tacstrip.arrays import FloatArray
 from tacstrip.errors import OptionError, ReadingError
 from tacstrip.io.log_import import conversion, no_contact, time_unit, units
 from tacstrip.io.log_import.broken import are_torn, hold_readings, of_other_kinds, settle_broken
 from tacstrip.io.log_import.changes import ask_for_notes
 from tacstrip.io.log_import.columns import Columns, find_columns
-from tacstrip.io.log_import.doubts import raise_doubts
+from tacstrip.io.log_import.contents import names_strips
+from tacstrip.io.log_import.doubts import backwards, raise_doubts
 from tacstrip.io.log_import.ends import above, ends_exchanged, noise
-from tacstrip.io.log_import.fields import STAMP, is_garbled, says_nothing
+from tacstrip.io.log_import.fields import STAMP, is_garbled, number_of, says_nothing
 from tacstrip.io.log_import.mapping import STRIP_ORDERS, ColumnMapping
 from tacstrip.io.log_import.names import CLOCKS, IN_VOLTS, is_strip_word, meaning, meanings
+from tacstrip.io.log_import.neighbours import order_of_neighbours
 from tacstrip.io.log_import.others import drop_others
-from tacstrip.io.log_import.questions import KEYS, Clues, Question, Unanswered
-from tacstrip.io.log_import.scans import LogScan, is_newest_first, raw_times, scans, strip_numbers
+from tacstrip.io.log_import.questions import KEYS, ROLES, Clues, Question, Unanswered
+from tacstrip.io.log_import.scans import (
+    LogScan,
+    is_newest_first,
+    is_unsorted,
+    raw_times,
+    scans,
+    strip_numbers,
+)
 from tacstrip.io.log_import.sides import (
     assigned_otherwise,
     from_the_right_said,
@@ -102,10 +112,11 @@ def propose(
     given = dict(answers or {})
     try:
         return told(given)
-    except Unanswered as asked:
-        if not all(q.default for q in asked.questions):
+    except Unanswered as asked:  # what has a default is not asked beside the rest
+        known = {q.key: q.default for q in asked.questions if q.default}
+        if not known:
             raise
-        return told(given | {q.key: q.default for q in asked.questions})
+        return told(given | known)
 
 
 def settled(table: Table, read: Callable[[Table], Read], strips: int = 0, channels: int = 0) -> Read:
@@ -182,7 +193,8 @@ def _proposed(
         raise Unanswered(replace(first, text=text), *others) from None
     dropped: list[int] = []
     found = scans(clues.table, mapping, dropped)
-    doubts = [*left_out(table, dropped), *ends_exchanged(found, mapping, clues.answers.get("exchanged", ""))]
+    exchanged = ends_exchanged(found, mapping, clues.answers.get("exchanged", ""))
+    doubts = [*left_out(table, dropped), *backwards(clues.table, mapping), *exchanged]
     return Proposal(mapping, at_rest(found, mapping, sensor), tuple(clues.reasons), (*clues.doubts, *doubts))
 
 
@@ -276,8 +288,10 @@ def _assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
     try:
         found = find_columns(clues)
     except Unanswered:
-        _ask_for_base(clues)
+        if not any(q.key in clues.table.names and not {*q.choices} <= {*ROLES} for q in clues.questions):
+            _ask_for_base(clues)  # which is of all lines, not those of one sensor of several
         raise Unanswered(*clues.questions) from None
+    _order_names(clues, found)
     _drop_repeated(clues, found)
     drop_others(clues, found)
     found = _as_wired(clues, found)
@@ -300,19 +314,52 @@ def _assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
     return mapping, rough
 
 
+def _order_names(clues: Clues, found: Columns) -> None:
+    """Ask in which order strips lie that have names instead of numbers, such as the colours of wires."""
+    if not found.strip or found.which or not names_strips(clues, found.strip):
+        return
+    fields = clues.table.column(found.strip)
+    names = [*dict.fromkeys(fields)]
+    if answer := clues.answers.get("strip_order", ""):
+        listed = [n.strip().casefold() for n in answer.split(",")]
+        if sorted(listed) != sorted(n.casefold() for n in names):
+            raise OptionError(f"--answer strip_order={answer}: list each of {', '.join(names)} once")
+        clues.strip_names = answer
+        return
+    values: list[FloatArray] = []
+    for n, field in enumerate(fields):
+        if (
+            not values
+            or np.isfinite(values[-1][names.index(field)]).any()
+            or (found.scan and clues.table.column(found.scan)[n] != clues.table.column(found.scan)[n - 1])
+        ):
+            values.append(np.full((len(names), len(found.readings)), np.nan))
+        read = [number_of(clues.table.column(c)[n], clues.table.decimal) for c in found.readings]
+        values[-1][names.index(field)] = [np.nan if v is None else v for v in read]
+    order = [names[n] for n in order_of_neighbours(np.stack(values))]
+    clues.ask(
+        "strip_order",
+        f"strips are called {', '.join(names)}: in which order do they lie, from the first strip on? By which are "
+        "touched together, and read alike, so or in reverse",
+        ",".join(order), ",".join(order[::-1]),
+    )  # fmt: skip
+    clues.strip_names = ",".join(order)
+
+
 def _drop_repeated(clues: Clues, found: Columns) -> None:
-    """Leave out a line that is the one above it again, where the times or scans and strips of all others differ."""
+    """Leave out a line that is one above it again, where the times or scans and strips of all others differ."""
     table = clues.table
     if not (found.time or found.scan) or len(table.rows) < _FEW_ROWS:
         return
     keys = [n for n in (found.time, found.scan, found.strip, found.which) if n]
-    again = [n for n in range(1, len(table.rows)) if table.rows[n] == table.rows[n - 1]]
-    again = [n for n in again if table.lines[n] != table.lines[n - 1]]
+    first: dict[tuple[str, ...], int] = {}
+    of = [first.setdefault(tuple(row), n) for n, row in enumerate(table.rows)]
+    again = [n for n, before in enumerate(of) if table.lines[n] != table.lines[before]]
     kept = [n for n in range(len(table.rows)) if n not in {*again}]
     said = Counter(zip(*([table.column(k)[n] for n in kept] for k in keys), strict=True))
     if not again or len(again) > max(1.0, _MOST_REPEATED * len(table.rows)) or max(said.values()) > 1:
         return
-    shown = "; ".join(f"line {table.lines[n]} is line {table.lines[n - 1]} again" for n in again[:_SHOWN])
+    shown = "; ".join(f"line {table.lines[n]} is line {table.lines[of[n]]} again" for n in again[:_SHOWN])
     more = f", and {len(again) - _SHOWN} more" if len(again) > _SHOWN else ""
     clues.doubt(f"{shown}{more}: left out")
     clues.table = table.of_rows(kept)
@@ -357,6 +404,8 @@ def _rough(clues: Clues, found: Columns) -> tuple[ColumnMapping, list[LogScan]]:
     if is_newest_first(clues.table, loose):
         told = f"{mapping.time} falls: the newest stands first, and scans are put in the order of time"
         (clues.because if mapping.time_unit in CLOCKS else clues.doubt)(told)
+    if is_unsorted(clues.table, loose):
+        clues.doubt(f"{mapping.time}: lines are not in the order of time, and are put in it")
     plain = replace(loose, restart="error")
     try:
         rough = scans(clues.table, plain)
@@ -453,7 +502,7 @@ def _strips(clues: Clues, found: Columns) -> tuple[int, int]:
     """Return the number of the first strip, and how many there are."""
     many = clues.number("strips")
     count = clues.sensor.strips if clues.sensor else int(many) if many else 0
-    if found.strip_step:
+    if clues.strip_names or found.strip_step:
         return 0, count
     if found.strip:
         shown = ColumnMapping(columns=found.readings, unit="V", strips=1, strip=found.strip)
@@ -462,63 +511,72 @@ def _strips(clues: Clues, found: Columns) -> tuple[int, int]:
     else:
         there, all_listed = {int(what.partition(":")[0]) for what in found.readings.values()}, True
     low, high = min(there), max(there)
-    base = clues.number("strip_base")
-    said = base  # by the answer, the log, or the spec
+    base = said = clues.number("strip_base")  # by the answer, the log, or the spec
     if base is None:
-        fits = [b for b in (0, 1) if low >= b and (not count or high <= b + count - 1)]
-        if count and len(there) == count == high - low + 1:  # such as pins A2 to A7
-            fits = [low]
-        if count and not fits:
-            raise NoTableError(
-                f"strips are numbered {low} to {high}, and the sensor has {count}{_where(clues, found, high)}; check "
-                "strips in the spec, or say which column is the strip's number: --answer NAME=strip, and NAME=skip of "
-                f"others (they are: {', '.join(clues.table.names[:8])})"
-            )
-        if low in fits and (len(there) == count if count and len(fits) > 1 else all_listed or low == 0):
-            base = low
-        elif len(fits) == 1:
-            base = fits[0]
-        elif (told := base_said((*clues.table.preamble, *clues.table.constants()))) is not None:
-            base = said = told
-            clues.because(f"strips are numbered from {base}, as the log says above them")
-        elif clues.sensor and "strip_base" in (clues.stated or ()) and 0 < clues.sensor.strip_base <= low:
-            base = clues.sensor.strip_base  # which nobody writes unless it is so; 0 is what `init` writes
-            clues.because(
-                f"strips are numbered {low} to {high}: taken as strip_base = {base}, as the spec says; else --answer "
-                f"strip_base={1 - base}"
-            )
-        else:
-            clues.ask(
-                "strip_base",
-                f"strips are numbered {low} to {high}: is the first one 0 or 1?"
-                + (
-                    " (strip_base = 0 of the spec, which `init` writes of itself, tells nothing of the log)"
-                    if clues.sensor and "strip_base" in (clues.stated or ())
-                    else ""
-                ),
-                "0",
-                "1",
-            )
-            base = 0
+        base, said = _base(clues, found, there, count, all_listed)
     elif count and not base <= low <= high <= base + count - 1:
         raise OptionError(
             f"--answer strip_base={base:g}: strips are numbered {low} to {high}, and the sensor has {count}"
         )
-    if not found.numbered:
-        return int(base), count or high - int(base) + 1
-    clues.because(f"strips are numbered from {int(base)}")
-    if said is None and clues.sensor and "strip_base" in (clues.stated or ()):
-        said = clues.sensor.strip_base
-    if said not in (None, base) and base < 2:
-        clues.doubt(
-            f"the log counts its strips from {int(base)}, the readings from {said}, for strip_base = {said} in the "
-            f"spec: strip {int(base)} of the log is strip {said} of the readings; there is nothing to do"
-        )
+    if found.numbered:
+        clues.because(f"strips are numbered from {int(base)}")
+        if said is None and clues.sensor and "strip_base" in (clues.stated or ()):
+            said = clues.sensor.strip_base
+        if said not in (None, base) and base < 2:
+            clues.doubt(
+                f"the log counts its strips from {int(base)}, the readings from {said}, for strip_base = {said} in the "
+                f"spec: strip {int(base)} of the log is strip {said} of the readings; there is nothing to do"
+            )
     return int(base), count or high - int(base) + 1
 
 
+def _base(
+    clues: Clues, found: Columns, there: set[int], count: int, all_listed: bool
+) -> tuple[int, int | None]:
+    """Return the number of the first strip by those that are there, and by what the log says (None: nothing)."""
+    low, high = min(there), max(there)
+    fits = [b for b in (0, 1) if low >= b and (not count or high <= b + count - 1)]
+    if count and len(there) == count == high - low + 1:  # such as pins A2 to A7
+        fits = [low]
+    if count and not fits:
+        raise NoTableError(
+            f"strips are numbered {low} to {high}, and the sensor has {count}{_where(clues, found, high)}; check "
+            "strips in the spec, or say which column is the strip's number: --answer NAME=strip, and NAME=skip of "
+            f"others (they are: {', '.join(clues.table.names[:8])})"
+        )
+    if low in fits and (len(there) == count if count and len(fits) > 1 else all_listed or low == 0):
+        return low, None
+    if len(fits) == 1:
+        return fits[0], None
+    if (told := base_said((*clues.table.preamble, *clues.table.constants()))) is not None:
+        clues.because(f"strips are numbered from {told}, as the log says above them")
+        return told, told
+    stated = bool(clues.sensor and "strip_base" in (clues.stated or ()))
+    if clues.sensor and stated and 0 < clues.sensor.strip_base <= low:
+        base = clues.sensor.strip_base  # which nobody writes unless it is so; 0 is the default
+        clues.because(
+            f"strips are numbered {low} to {high}: taken as strip_base = {base}, as the spec says; else --answer "
+            f"strip_base={1 - base}"
+        )
+        return base, None
+    clues.ask(
+        "strip_base",
+        f"strips are numbered {low} to {high}: is the first one 0 or 1?"
+        + (
+            " (strip_base = 0 of the spec, which may be no more than the default, tells nothing of the log)"
+            if stated
+            else ""
+        ),
+        "0",
+        "1",
+    )
+    return 0, None
+
+
 def _strip_order(clues: Clues, found: Columns, strips: int) -> str:
-    """Return whether the log's strips run from the left, "ascending", or from the right."""
+    """Return whether the log's strips run from the left, "ascending", or from the right; or how they are called."""
+    if clues.strip_names:
+        return clues.strip_names
     if "," in (listed := clues.answers.get("strip_order", "")):
         clues.because(f"the log's strips are {listed} of the readings, in their order")
         return listed

@@ -9,7 +9,14 @@ from collections.abc import Sequence, Set
 from dataclasses import replace
 
 from tacstrip.errors import ReadingError
-from tacstrip.io.log_import.fields import is_prose, is_value, number_of, says_nothing, ungrouped
+from tacstrip.io.log_import.fields import (
+    clock_seconds,
+    is_prose,
+    is_value,
+    number_of,
+    says_nothing,
+    ungrouped,
+)
 from tacstrip.io.log_import.names import READING_UNITS, UNITS, is_called_k, meaning, meanings, unknown_unit
 from tacstrip.io.log_import.table import GARBLED, ContradictionError, NoTableError, Table
 
@@ -63,19 +70,76 @@ def headed(
     comments
         Line number and fields of comments that could hold the names.
     """
+    numeric = _numeric_columns(split, width, decimal)
+    above, first, below = _parts(split, width, decimal, numeric, comments)
+    _check_names(split, above, width, decimal)
+    again = {i for i, row in below if len(row) == width and row in above}
+    # What a board says as it starts stands above the table, and again where it was reset.
+    banner = [row for _, row in split[:first] if row not in above]
+    boots = {i for i, row in split[first:] if len(row) != width and row in banner}
+    below = [(i, row) for i, row in below if i not in boots]
+    garbled = {i for i, row in below if GARBLED in "".join(row)}
+    rows = [(i, row) for i, row in below if len(row) == width and i not in {*again, *garbled}]
+    sums = {i: word for i, row in rows if (word := _statistic(row, numeric, decimal))}
+    sums = sums if 2 * len(sums) < len(rows) else {}  # else these are labels
+    rows = [(i, row) for i, row in rows if i not in sums]
+    timed = [
+        numeric[n] or any(clock_seconds(row[n]) is not None for _, row in rows[:1]) for n in range(width)
+    ]
+    notes = {i for i, row in rows if _is_note(row, timed, decimal)}
+    rows = [(i, row) for i, row in rows if i not in notes]
+    odd = [(i, " ".join(row)) for i, row in below if len(row) != width or i in garbled]
+    broken = _broken(odd, garbled, above, rows)
+    words = len(odd) - len(broken) + len(notes)
+    if not rows:
+        raise ReadingError("the log has no line of readings" + (", only names" if above else ""))
+    names, rows = _without_twins(_names(above, width), rows)
+    told = [
+        _passed_over(split, first - len(above), decimal) if above else "",
+        f"{words} line(s) without a reading passed over" if words else "",
+        f"line {min(again)}: the names again; passed over" if again else "",
+        f"line(s) {', '.join(map(str, sorted(boots)))}: as above the table; passed over" if boots else "",
+        f"line(s) {', '.join(map(str, sums))}: {', '.join(dict.fromkeys(sums.values()))}; passed over"
+        if sums
+        else "",
+    ]
+    return Table(
+        tuple(_distinct(names)), [row for _, row in rows], [i for i, _ in rows], decimal, bool(above),
+        (*remarks, *filter(None, told)), broken, (*preamble, *("\t".join(row) for _, row in split[:first])),
+        quotes={i: " ".join(row) for i, row in below if i in broken},
+        doubts=(
+            *_fewer_names(split[:first], above, width),
+            *_other_units(above),
+            *(f"line {i} holds bytes of 0, as of a reset: what stood there is lost" for i in sorted(garbled)),
+        ),
+    )  # fmt: skip
+
+
+def _numeric_columns(split: list[tuple[int, list[str]]], width: int, decimal: str) -> list[bool]:
+    """Return which columns hold numbers; `ReadingError` where none does."""
     full = [row for _, row in split if len(row) == width]
     numeric = [
         any(is_value(c, decimal) for c in column)
         and 2 * sum(is_value(c, decimal) for c in column) >= sum(not says_nothing(c) for c in column)
         for column in zip(*full[len(full) // 3 :], strict=True)
     ]
-    if not any(numeric):
-        units = (re.fullmatch(r"[-+]?\d[\d.,]*\s?([^\W\d]{1,6})", cell) for row in full for cell in row)
-        strange = next((m for m in units if m and unknown_unit(f"x [{m[1]}]")), None)
-        said = (
-            f": {strange[1]!r}, as in {strange[0]!r}, is no unit of readings that is known" if strange else ""
-        )
-        raise (ReadingError if said else NoTableError)(f"the log has no column of numbers{said}")
+    if any(numeric):
+        return numeric
+    units = (re.fullmatch(r"[-+]?\d[\d.,]*\s?([^\W\d]{1,6})", cell) for row in full for cell in row)
+    strange = next((m for m in units if m and unknown_unit(f"x [{m[1]}]")), None)
+    said = f": {strange[1]!r}, as in {strange[0]!r}, is no unit of readings that is known" if strange else ""
+    raise (ReadingError if said else NoTableError)(f"the log has no column of numbers{said}")
+
+
+def _parts(
+    split: list[tuple[int, list[str]]],
+    width: int,
+    decimal: str,
+    numeric: Sequence[bool],
+    comments: Sequence[tuple[int, list[str]]],
+) -> tuple[list[list[str]], int, list[tuple[int, list[str]]]]:
+    """Return the lines of names, where what is below these begins, and the rows there, with torn ones above it."""
+    full = [row for _, row in split if len(row) == width]
     # Words that stand for no contact come again in the lines below the names.
     lower = [
         row
@@ -112,70 +176,52 @@ def headed(
         above = [
             r for r in above if _named(r, numeric, decimal) and not any(number_of(c) is not None for c in r)
         ]
-    _check_names(split, above, width, decimal)
-    again = {i for i, row in below if len(row) == width and row in above}
-    # What a board says as it starts stands above the table, and again where it was reset.
-    banner = [row for _, row in split[:first] if row not in above]
-    boots = {i for i, row in split[first:] if len(row) != width and row in banner}
-    below = [(i, row) for i, row in below if i not in boots]
-    garbled = {i for i, row in below if GARBLED in "".join(row)}
-    rows = [(i, row) for i, row in below if len(row) == width and i not in {*again, *garbled}]
-    sums = {i: word for i, row in rows if (word := _statistic(row, numeric, decimal))}
-    sums = sums if 2 * len(sums) < len(rows) else {}  # else these are labels
-    rows = [(i, row) for i, row in rows if i not in sums]
-    notes = {i for i, row in rows if _is_note(row, numeric, decimal)}
-    rows = [(i, row) for i, row in rows if i not in notes]
-    # A line without a digit holds no reading, so none is lost with it.
+    return above, first, below
+
+
+def _broken(
+    odd: list[tuple[int, str]],
+    garbled: Set[int],
+    above: list[list[str]],
+    rows: list[tuple[int, list[str]]],
+) -> tuple[int, ...]:
+    """Return which lines that are no rows may hold a reading: not those without a digit, and no messages."""
     told_names = {w.casefold() for row in above for w in re.findall(r"[^\W\d_]+", " ".join(row))}
     told_names |= {w.casefold() for _, row in rows for cell in row for w in re.findall(r"[^\W\d_]{3,}", cell)}
-    odd = [(i, " ".join(row)) for i, row in below if len(row) != width or i in garbled]
-    broken = tuple(
+    return tuple(
         i for i, text in odd
         if (re.search(r"\d", text) and (i in garbled or not is_prose(text, told_names)))
         or all(map(says_nothing, re.split(r"[\s/|:]+", text.strip("()[]{}<> "))))  # a scan without a contact
     )  # fmt: skip
-    words = len(odd) - len(broken) + len(notes)
-    numbers = [
-        f"{i} ({' '.join(row)[:_LONG]!r})" for i, row in split[: max(first - len(above), 0)]
-        if len(row) > 1 and all(is_value(c, decimal) for c in row)
-    ]  # fmt: skip
-    if not rows:
-        raise ReadingError("the log has no line of readings" + (", only names" if above else ""))
-    names = _names(above, width)
+
+
+def _without_twins(
+    names: list[str], rows: list[tuple[int, list[str]]]
+) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    """Return names and rows without columns that another one with the same name and fields repeats."""
     columns = list(zip(*(row for _, row in rows), strict=True))
     first_at: dict[tuple[str, tuple[str, ...]], int] = {}
     for n, key in enumerate(zip(names, columns, strict=True)):
         first_at.setdefault(key, n)
-    again_at = {
-        n
-        for n, key in enumerate(zip(names, columns, strict=True))
-        if first_at[key] < n and not all(not c or says_nothing(c) for c in columns[n])
+    kept = {*first_at.values()} | {
+        n for n, c in enumerate(columns) if all(not f or says_nothing(f) for f in c)
     }
-    if again_at:
-        names = [x for n, x in enumerate(names) if n not in again_at]
-        rows = [(i, [c for n, c in enumerate(row) if n not in again_at]) for i, row in rows]
-    told = [
-        f"{first - len(above)} line(s) above the table passed over"
-        + (f", with numbers: line(s) {', '.join(numbers)}" if numbers else "")
-        if first > len(above) > 0
-        else "",
-        f"{words} line(s) without a reading passed over" if words else "",
-        f"line {min(again)}: the names again; passed over" if again else "",
-        f"line(s) {', '.join(map(str, sorted(boots)))}: as above the table; passed over" if boots else "",
-        f"line(s) {', '.join(map(str, sums))}: {', '.join(dict.fromkeys(sums.values()))}; passed over"
-        if sums
-        else "",
-    ]
-    return Table(
-        tuple(_distinct(names)), [row for _, row in rows], [i for i, _ in rows], decimal, bool(above),
-        (*remarks, *filter(None, told)), broken, (*preamble, *("\t".join(row) for _, row in split[:first])),
-        quotes={i: " ".join(row) for i, row in below if i in broken},
-        doubts=(
-            *_fewer_names(split[:first], above, width),
-            *_other_units(above),
-            *(f"line {i} holds bytes of 0, as of a reset: what stood there is lost" for i in sorted(garbled)),
-        ),
-    )  # fmt: skip
+    if len(kept) == len(names):
+        return names, rows
+    return (
+        [x for n, x in enumerate(names) if n in kept],
+        [(i, [c for n, c in enumerate(row) if n in kept]) for i, row in rows],
+    )
+
+
+def _passed_over(split: list[tuple[int, list[str]]], many: int, decimal: str) -> str:
+    """Return a remark on the lines above a table's names, which quotes those of numbers."""
+    numbers = [
+        f"{i} ({' '.join(row)[:_LONG]!r})" for i, row in split[: max(many, 0)]
+        if len(row) > 1 and all(is_value(c, decimal) for c in row)
+    ]  # fmt: skip
+    said = f", with numbers: line(s) {', '.join(numbers)}" if numbers else ""
+    return f"{many} line(s) above the table passed over{said}" if many > 0 else ""
 
 
 def _last_block(rows: list[list[str]]) -> list[list[str]]:
@@ -229,7 +275,7 @@ def _names(above: list[list[str]], width: int) -> list[str]:
     if not above:
         return [f"column {n + 1}" for n in range(width)]
     if any(_tells_apart(row) for row in above):
-        above = [row for row in above if not _says_processing(row)]
+        above = [row for row in above if not (_says_processing(row) or _says_one(row))]
     units = next((row for row in reversed(above) if _are_units(row)), None)
     above = [row for row in above if row is not units] or above
     best, most = above[-1], -1
@@ -254,6 +300,12 @@ def _names(above: list[list[str]], width: int) -> list[str]:
 def _tells_apart(row: list[str]) -> bool:
     """Return whether a row has another word for each column."""
     return all(row) and len({*row}) == len(row)
+
+
+def _says_one(row: list[str]) -> bool:
+    """Return whether a row says the same words of each column but the first, and no unit, as a remark on the table."""
+    others = {*row[1:]}
+    return len(row) > _FEW + 1 and len(others) == 1 and not _are_units(row) and not meaning(others.pop()).role
 
 
 def _says_processing(row: list[str]) -> bool:
@@ -360,11 +412,10 @@ def _statistic(row: Sequence[str], numeric: Sequence[bool], decimal: str) -> str
 
 
 def _is_note(row: Sequence[str], numeric: Sequence[bool], decimal: str) -> bool:
-    """Return whether a row holds a few words only, in columns of numbers, as below the table of a sheet."""
+    """Return whether a row holds a few words only, some in a column of numbers, as below the table of a sheet."""
     filled = [n for n, cell in enumerate(row) if cell]
-    return 3 * len(filled) <= len(row) and not any(
-        not numeric[n] or is_value(row[n], decimal) or says_nothing(row[n])
-        or (re.search(r"\d", row[n]) and not is_prose(row[n]))
+    return 3 * len(filled) <= len(row) and any(numeric[n] for n in filled) and not any(
+        is_value(row[n], decimal) or says_nothing(row[n]) or (re.search(r"\d", row[n]) and not is_prose(row[n]))
         for n in filled
     )  # fmt: skip
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import re
 from collections import Counter
@@ -16,11 +17,15 @@ from tacstrip.io.log_import.fields import is_prose
 from tacstrip.io.log_import.gathered import touched_vary
 from tacstrip.io.log_import.literals import literal, literals
 from tacstrip.io.log_import.names import meaning
+from tacstrip.io.log_import.strays import numbered
 from tacstrip.io.log_import.table import CLOCK, Table, flattened, of_records, said_above
 from tacstrip.io.log_import.xml_records import of_xml
 
 # Of a record that describes a column: what its name and its unit are called.
 _DESCRIBED = (("name", "label", "channel", "field", "key", "id"), ("unit", "units"))
+_WORD, _FEW_WORDS = re.compile(r"(?<!\S)[^\W\d_]{2,}[.,;:]?(?!\S)"), 2  # of a sentence; of no more than these
+_FEW_ROWS = 5  # of the longest series: fewer pairs may be of strips
+_MOST_KEYS = 64  # of a strip
 _TUPLES = re.compile(r"(?m)^\(.*,\s*\(.*\)\)\s*$")  # within each other
 
 
@@ -39,6 +44,9 @@ def of_literals(text: str, path: str | Path) -> Table | None:
     if found is None or not any(isinstance(value, dict | list) for _, value in found):
         found, around = literals(text)
         broken = [i for i, line in around if re.search(r"\d", line) and not is_prose(line)]
+    else:
+        texts = dict(numbered(text))
+        broken = [i for i in broken if not (is_prose(texts[i]) and len(_WORD.findall(texts[i])) > _FEW_WORDS)]
     found, messages = _without_messages(found)
     if len(found) == 1 and isinstance(found[0][1], dict):
         table = of_values(found[0][1], path)
@@ -67,7 +75,7 @@ def of_values(
     if rows and len(rows) == len(found):
         table = _of_lists(rows)
         return table and replace(table, preamble=above)
-    found, same = _without_descriptions(found)
+    found, same = _without_descriptions(_with_untouched(found))
     above += same
     records, lines = [], []
     empty: set[int] = set()
@@ -96,6 +104,43 @@ def of_values(
     return replace(
         table, names=_described(table.names, above), preamble=above, varied=varied, empty=frozenset(empty)
     )
+
+
+def _with_untouched(found: Sequence[tuple[int, Any]]) -> list[tuple[int, Any]]:
+    """Return records with a record for each null in a list of these, which has the number of the strip in its place.
+
+    Examples
+    --------
+    >>> _with_untouched([(1, {"strips": [None, {"id": 2, "h": 5}, {"id": 3, "h": 5}]})])[0][1]["strips"][:2]
+    [{'id': 1, 'h': None}, {'id': 2, 'h': 5}]
+    >>> _with_untouched([(1, {"strips": [None, {"h": 5}]})])
+    [(1, {'strips': [{'h': None, 'strip': 0}, {'h': 5, 'strip': 1}]})]
+    """
+    lists = [
+        (k, v) for _, row in found if isinstance(row, dict) for k, v in row.items()
+        if isinstance(v, list) and v and all(e is None or isinstance(e, dict) for e in v)
+    ]  # fmt: skip
+    names = {k for k, _ in lists}
+    there = [(n, e) for _, v in lists for n, e in enumerate(v) if e is not None]
+    if len(names) != 1 or not there or all(e is not None for _, v in lists for e in v):
+        return [*found]
+    keys = dict.fromkeys(key for _, e in there for key in e)
+    if len(keys) > _MOST_KEYS:
+        return [*found]
+    shifts = {key: {e[key] - n if isinstance(e.get(key), int) else None for n, e in there} for key in keys}
+    counts = {key: shift for key, (shift, *others) in shifts.items() if shift is not None and not others}
+    several = len({n for n, _ in there}) > 1
+    name, shift = next(iter(counts.items()), ("strip", 0)) if several else ("strip", 0)
+    empty = dict.fromkeys(keys)
+
+    def whole(place: int, element: Any) -> Any:
+        return (element or empty) | {name: place + shift}
+
+    return [
+        (i, {k: [whole(n, e) for n, e in enumerate(v)] if k in names else v for k, v in row.items()})
+        if isinstance(row, dict) else (i, row)
+        for i, row in found
+    ]  # fmt: skip
 
 
 def _without_descriptions(found: Sequence[tuple[int, Any]]) -> tuple[list[tuple[int, Any]], tuple[str, ...]]:
@@ -317,7 +362,36 @@ def _exploded(record: Mapping[str, Any]) -> list[dict[str, str]]:
     if not inner:
         return [flattened("", dict(record))]
     outer = flattened("", {k: v for k, v in parts.items() if k != inner})
+    if key := _series_within(parts[inner]):
+        labels = [(element, {k: v for k, v in element.items() if k != key}) for element in parts[inner]]
+        rows = [
+            (time, outer | flattened("", said | {"time": time, "value": value}))
+            for element, said in labels
+            for time, value in element[key]
+        ]
+        return [row for _, row in sorted(rows, key=lambda r: r[0])]
     return [outer | flattened(inner, element) for element in parts[inner]]
+
+
+def _series_within(records: Sequence[Mapping[str, Any]]) -> str:
+    """Return the name of what each of several records has as a list of times that rise, with a value each; or "".
+
+    Examples
+    --------
+    >>> _series_within([{"strip": s, "values": [[t, str(0.1 * t)] for t in range(9)]} for s in (1, 2)])
+    'values'
+    """
+    keys = {k for r in records for k, v in r.items() if isinstance(v, list)}
+    lists: list[Any] = [r.get(k) for r in records for k in keys]
+    series = len(records) > 1 == len(keys) and all(map(_is_series, lists))
+    return keys.pop() if series and max(map(len, lists)) >= _FEW_ROWS else ""
+
+
+def _is_series(rows: Any) -> bool:
+    if not isinstance(rows, list) or not all(isinstance(r, list) and len(r) == 2 for r in rows):
+        return False
+    times: list[Any] = [r[0] for r in rows]
+    return all(isinstance(t, int | float) for t in times) and all(a < b for a, b in itertools.pairwise(times))
 
 
 def _list_within(record: Mapping[str, Any]) -> str:

@@ -68,7 +68,7 @@ class ColumnMapping:
         "1/2" where two sensors write in turn, and the first is meant.
     strip_order
         "descending" where the log's first strip is the sensor's last one; or the sensor's strips in the log's order,
-        as "2,0,1".
+        as "2,0,1"; or the names that the log has for its strips, as "red,brown,black", from the first strip on.
     """
 
     columns: dict[str, str]
@@ -151,11 +151,12 @@ class ColumnMapping:
 
     def check(self, place: str) -> None:
         """Raise `OptionError` where it contradicts itself."""
+        listed = self.strip_names or self.order_of_strips(place)
         for name, value, known in (
             ("unit", self.unit, READING_UNITS), ("missing", self.missing, ("untouched", "skip", "error")),
             ("broken_lines", self.broken_lines, ("skip", "error")),
             ("restart", self.restart, RESTARTS),
-            ("strip_order", "" if self.order_of_strips(place) else self.strip_order, ("", *STRIP_ORDERS)),
+            ("strip_order", "" if listed else self.strip_order, ("", *STRIP_ORDERS)),
         ):  # fmt: skip
             if value not in known:
                 raise OptionError(f"{place}: " + one_of(name, value, known))
@@ -183,7 +184,7 @@ class ColumnMapping:
 
     def order_of_strips(self, place: str) -> list[int]:
         """Return the sensor's strip, from 0, of each of the log's, if listed; `OptionError` if not each is once."""
-        if "," not in self.strip_order:
+        if "," not in self.strip_order or self.strip_names:
             return []
         listed = [int(n) if n.strip().isdigit() else -1 for n in self.strip_order.split(",")]
         if sorted(listed) != [*range(min(listed), min(listed) + self.strips)] or min(listed) not in (0, 1):
@@ -191,6 +192,14 @@ class ColumnMapping:
                 f"{place}: strip_order = {self.strip_order}: list each of {self.strips} strips once"
             )
         return [n - min(listed) for n in listed]
+
+    @property
+    def strip_names(self) -> tuple[str, ...]:
+        """Names, from strip 0 on, where the log has these for numbers, such as the colours of wires; else ()."""
+        names = tuple(n.strip() for n in self.strip_order.split(","))
+        return (
+            names if len({*names}) == len(names) > 1 and not any(re.search(r"\d", n) for n in names) else ()
+        )
 
     @property
     def wide(self) -> bool:

@@ -10,7 +10,8 @@ _CREATED = re.compile(
     rf"CREATE\s+TABLE\s+(?:IF\s+NOT\s+EXISTS\s+)?([^\s(]+)\s*\(({_WITHIN})\)", re.IGNORECASE
 )
 _INSERTED = re.compile(
-    r"INSERT\s+INTO\s+(\S+?)\s+VALUES\s*((?:\((?:'[^']*'|[^()'])*\)[,\s]*)+);", re.IGNORECASE
+    r"INSERT\s+INTO\s+([^\s(]+)\s*(?:\(([^()]*)\)\s*)?VALUES\s*((?:\((?:'[^']*'|[^()'])*\)[,\s]*)+);",
+    re.IGNORECASE,
 )
 _COPIED = re.compile(r"(?ms)^COPY\s+(\S+)\s*\(([^()]*)\)\s+FROM\s+stdin;\s*\n(.*?)^\\\.")
 _CONSTRAINT = re.compile(r"\s*(?:PRIMARY|UNIQUE|FOREIGN|CONSTRAINT|CHECK|KEY|INDEX)\b", re.IGNORECASE)
@@ -38,15 +39,8 @@ def plain_rows(text: str) -> str:
         body = re.sub(r"\\(?:top|mid|bottom|h|c)(?:rule|line)(?:\{[^}]*\})?|(?<!\\)%.*", "", body)
         rows = [re.sub(r"\\(?:text|math)\w*\{([^}]*)\}|[${}]", r"\1", row) for row in body.split(r"\\")]
         cells = [re.sub(r"\\[;, ]", " ", row).split("&") for row in rows if row.strip()]
-    elif inserted := re.findall(
-        r"INSERT INTO \S+ *\(([^()]*)\) *VALUES *((?:\([^()]*\)[,\s]*)+);", text, re.IGNORECASE
-    ):
-        if len({names for names, _ in inserted}) > 1:
-            return text
-        groups = [inserted[0][0], *(g for _, many in inserted for g in re.findall(r"\(([^()]*)\)", many))]
-        cells = [[c.strip(" '\"`") for c in group.split(",")] for group in groups]
-    elif dumped := _dumped(text):
-        cells = dumped
+    elif dumped := dumped_tables(text):
+        cells = max(dumped.values(), key=len)
     else:
         return text
     return "\n".join("\t".join(" ".join(c.split()) for c in row) for row in cells)
@@ -82,14 +76,11 @@ def _fill(row: list[str], below: dict[int, tuple[int, str]]) -> None:
         row.append(cell)
 
 
-def _dumped(text: str) -> list[list[str]]:
-    """Return the names and the rows of the longest table of a dump of SQL that names columns only once; else none."""
-    found = dumped_tables(text)
-    return max(found.values(), key=len, default=[])
-
-
 def dumped_tables(text: str) -> dict[str, list[list[str]]]:
-    """Return the tables of a dump of SQL that names columns only once: the names, and the rows."""
+    """Return the tables of a dump of SQL: the names of the columns, and the rows.
+
+    Nothing where those of one change within it.
+    """
     quotes = " '\"`[]"
     names = {
         table.strip(quotes): [
@@ -100,10 +91,16 @@ def dumped_tables(text: str) -> dict[str, list[list[str]]]:
         for table, inner in _CREATED.findall(text)
     }
     found: dict[str, list[list[str]]] = {}
-    for table, many in _INSERTED.findall(text):
+    for table, inner, many in _INSERTED.findall(text):
+        table = table.strip(quotes)
+        if inner:
+            columns = [column.strip(quotes) for column in inner.split(",")]
+            if table in found and names[table] != columns:
+                return {}
+            names[table] = columns
         groups = re.findall(r"\(((?:'[^']*'|[^()'])*)\)", many)
         split = [re.findall(r"\s*('[^']*'|[^,]*)(?:,|\Z)", group)[: group.count(",") + 1] for group in groups]
-        found.setdefault(table.strip(quotes), []).extend([c.strip(" '\"") for c in row] for row in split)
+        found.setdefault(table, []).extend([c.strip(" '\"") for c in row] for row in split)
     for table, inner, rows in _COPIED.findall(text):
         names[table] = [column.strip(quotes) for column in inner.split(",")]
         found[table] = [line.replace("\\N", "").split("\t") for line in rows.splitlines() if line.strip()]

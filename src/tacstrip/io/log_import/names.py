@@ -35,6 +35,7 @@ _LOW = _words("low") | {q + e for q in _QUANTITY for e in ("l", "lo", "low")}
 _OUT = _words("output")
 # Pairs of channels whose names do not say which end they are of; the readings do (k_h >= k_l).
 _PAIRS = tuple((a, b) for a, _, b in (pair.partition("/") for pair in names_of("pairs")))
+SIDES = tuple(pair for pair in _PAIRS if pair[0] in names_of("left"))
 _ONE_OF_PAIR = frozenset(name for pair in _PAIRS for name in pair)
 _VOLTS = _words("voltage") | {q + e for q in "vu" for e in ("h", "hi", "high", "l", "lo", "low")}
 _VALUE = _VOLTS | _words("value")
@@ -132,10 +133,11 @@ OF_VREF = {"fraction": 1.0, "percent": 1e-2, "permille": 1e-3}
 LENGTHS_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 
 
-_NUMBER_OF = frozenset({"n", "id", "no", "nr", "num", "number", "index", "idx", "i"})
+_NUMBER_OF = frozenset({"n", "id", "no", "nr", "num", "number", "index", "idx", "i", "name", "label"})
 _MOST_STRIPS = 99999  # a larger number in a name is none of a strip
 _CALLED_K = re.compile(r"(?:strip|s)?[\W\d_]*k[\W\d_]*(?:h|l|hi|lo|high|low)?[\W\d_]*", re.IGNORECASE)
 _PLACE = re.compile(r" \(column \d+\)\Z")  # of one of several columns of a name
+_LABELLED = re.compile(r"\d+ <([^<>]+)> (\([^()]*\))")  # as instruments write an input, its label and unit
 _NAMELESS = re.compile(r"column \d+")  # what a log without names is given
 
 
@@ -228,19 +230,27 @@ def _parts_of_records(names: Sequence[str]) -> dict[str, str]:
     }
 
 
+def _labelled_inputs(names: Sequence[str]) -> dict[str, str]:
+    """Return the labels of names such as "101 <Strip A hi> (VDC)", without the inputs' numbers, if they have none."""
+    found = {n: m for n in names if (m := _LABELLED.fullmatch(n))}
+    labels = {n: f"{m[1]} {m[2]}" for n, m in found.items() if not re.search(r"\d", m[1])}
+    return labels if len({*labels.values()}) == len(labels) > 1 else {}
+
+
 def _is_extreme(name: str) -> bool:
     return bool(_EXTREMES & {*re.findall(r"[a-z]+", name.casefold())})
 
 
 def _together(names: Sequence[str]) -> dict[str, Meaning]:
     """Return what names mean, of which none is of an extreme."""
-    parts = _parts_of_records(names)
+    parts = _parts_of_records(names) | _labelled_inputs(names)
     split = {name: _tokens(parts.get(name, name)) for name in names}
     split |= _with_first(split)
     alike = Counter(
         t for tokens, _ in split.values() for t in set(tokens) if not t.isdecimal() and t not in _ANY
     )
     shared = {t for t, many in alike.items() if many > 1 and 2 * many >= len(names)} - _SPREAD
+    shared |= _end_of_both(split)
     split = {name: ([t for t in ts if t not in shared] or ts, u) for name, (ts, u) in split.items()}
     split = _with_letters(split)
     found = {n: meaning(n) if _NAMELESS.fullmatch(n) else _of_tokens(*tokens) for n, tokens in split.items()}
@@ -301,6 +311,14 @@ def _in_a_grid(
     numbers = sorted(s for s in strips if s is not None)
     counted = numbers == list(range(numbers[0], numbers[0] + len(strips))) if numbers else False
     return read if not full and counted and len(set(channels)) == len(channels) and len(strips) > 1 else {}
+
+
+def _end_of_both(split: Mapping[str, tuple[list[str], str]]) -> set[str]:
+    """Return words of an end, as French "haut", that stand in all names with a number, which name both ends besides."""
+    words = [{*tokens} for tokens, _ in split.values() if any(t.isdecimal() for t in tokens)]
+    common = set.intersection(*words) & (_HIGH | _LOW) if len(words) > 1 else set()
+    rest = set().union(*words) - common
+    return common if rest & _HIGH and rest & _LOW else set()
 
 
 def _with_first(split: Mapping[str, tuple[list[str], str]]) -> dict[str, tuple[list[str], str]]:

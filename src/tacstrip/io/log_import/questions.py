@@ -19,6 +19,8 @@ KEYS = (
 )  # fmt: skip
 OF_FORM = ("broken_lines", "rate_hz", "order", "which_h", "missing", "untouched")
 _STEP = re.compile(r"(\d+(?:\.\d+)?)\s?([mu]?V)")
+_OF_BITS = re.compile(r"(\d{1,2}) ?-?bits?")  # codes of these
+_PART = re.compile(r"1/(\d{1,9})")  # of Vref, as of a full-scale code of no power of two
 _BASES = {"0-based": "0", "1-based": "1"}  # strips=1-based says strip_base=1
 
 
@@ -71,6 +73,7 @@ class Clues:
 
     only: tuple[str, ...] = ()  # lines that are taken, as "pad=left"
     descending: bool = False  # whether the first strip's columns, which have no names, stand last
+    strip_names: str = ""  # with commas, from strip 0 on, where strips have names instead of numbers
     counted: bool = False  # whether strips are counted here, for the log gives them no numbers
 
     def __post_init__(self) -> None:
@@ -82,6 +85,10 @@ class Clues:
             self.answers.get("unit", "")
         ):  # volts of a code: a unit, times a number of them
             self.answers = {"scale": m[1]} | self.answers | {"unit": m[2]}
+        if m := _OF_BITS.fullmatch(self.answers.get("unit", "")):
+            self.answers = {"adc_bits": m[1]} | self.answers | {"unit": "code"}
+        if m := _PART.fullmatch(self.answers.get("unit", "")):
+            self.answers = {"scale": repr(1.0 / int(m[1]))} | self.answers | {"unit": "fraction"}
         self.answers = {self._full_name(key): answer for key, answer in self.answers.items()}
         self.table = self.table.part_at_note(self.answers.get(PART, ""))
         for key, answer in list(self.answers.items()):

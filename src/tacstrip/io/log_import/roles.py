@@ -13,6 +13,7 @@ from tacstrip.io.log_import.contents import (
     are_whole,
     comes_again,
     counts_up,
+    names_strips,
     rises_as_a_clock,
     rises_evenly,
 )
@@ -178,6 +179,8 @@ def strip_column(clues: Clues, known: dict[str, Meaning], which: str, wide: list
         *clues.answers
     }:  # one that stays while another counts numbers the scans
         there = [n for n in there if not any(_counts_within(clues, o, n) for o in there if o != n)] or there
+    if len(there) > 1 and not {*there} & {*clues.answers}:
+        there = [n for n in there if _may_number_strips(clues, n)] or there
     if len(there) > 1:
         clues.ask(
             there[1],
@@ -203,6 +206,10 @@ def strip_column(clues: Clues, known: dict[str, Meaning], which: str, wide: list
         if named and len(told) == len(kinds) == strips and not any(number_of(f) is not None for f in kinds):
             clues.because(f"{name}: {strips} names that count, as many as strips, such as {min(kinds)!r}")
             return name, 0.0
+    for name in [n for n, m in known.items() if m.role in ("", "which") and n not in (ROW, which)]:
+        if names_strips(clues, name):
+            clues.because(f"{name}: {strips} names, as many as strips, each once in a scan")
+            return name, 0.0
     for name in clues.table.names:
         fields = clues.table.column(name)
         if name == ROW and (not strips or len(set(fields)) == strips):
@@ -213,6 +220,12 @@ def strip_column(clues: Clues, known: dict[str, Meaning], which: str, wide: list
             clues.because(f"{name}: {strips} whole numbers that come again and again, as many as strips")
             return name, 0.0
     return "", 0.0
+
+
+def _may_number_strips(clues: Clues, name: str) -> bool:
+    """Return whether a column has no more numbers than the sensor has strips, and none too far from the others."""
+    numbers = [v for v in clues.values(name) if v is not None]
+    return not numbers or clues.sensor is None or max(numbers) - min(numbers) < clues.sensor.strips
 
 
 def _counts_within(clues: Clues, inner: str, outer: str) -> bool:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from tacstrip.io.log_import.fields import STAMP, says_nothing
+from tacstrip.io.log_import.fields import STAMP, is_prose, says_nothing
 from tacstrip.io.log_import.names import READING_UNITS, UNITS, meaning
 from tacstrip.io.log_import.statements import order_said
 from tacstrip.io.log_import.table import Table
@@ -40,6 +40,7 @@ _VOID_END = re.compile(
 )
 _USUAL = 0.6  # of the lines
 _FEW = 2  # lines
+_MARKS = " |,;:-([{"  # between what stands before the strips and the first of these
 _WORDS = 4  # that may be the strips'
 _SHOWN = 5
 
@@ -75,17 +76,21 @@ def of_runs(text: str) -> Table | None:
     strange = [n for n, line in best.items() if tuple(name for name, _ in line.fields) != heads]
     best = {n: line for n, line in best.items() if n not in strange}
     form, _ = Counter((line.form, line.rest) for line in best.values()).most_common(1)[0]
-    shown = next(iter(best[min(best)].pairs))
-    touched_only = len({tuple(line.pairs) for line in best.values()}) > 1
-    there = [(n, line) for n, line in every if touched_only and n not in best]
-    voids = {n: made for n, line in there if (made := _without_contact(line, shown, form[0])) is not None}
+    sets = [tuple(line.pairs) for line in best.values()]
+    usual, often = Counter(sets).most_common(1)[0]
+    # Else lines with other strips are cut, and these are the first ones of the usual.
+    touched_only = often <= _USUAL * len(best) or sum(s != usual[: len(s)] for s in sets) > _FEW
+    cut = [n for n, line in best.items() if not touched_only and tuple(line.pairs) != usual]
+    there = [(n, line) for n, line in every if touched_only and n not in best and n not in strange]
+    # Of a single strip only where the others tell what stands before it.
+    alone = {n: made for n, line in there if (made := _parsed(line, label, 1)) and made.form == form[0]}
+    best |= {n: made for n, made in alone.items() if tuple(name for name, _ in made.fields) == heads}
+    there = [(n, line) for n, line in there if n not in best]
+    voids = {n: made for n, line in there if (made := _without_contact(line, usual[0], form[0])) is not None}
     best = dict(sorted((best | voids).items()))
-    first = min(best)
+    first = min({*best} - {*cut})
     odd = [(n, line) for n, line in every if n > first and n not in best]
     numeric = [n for n, line in odd if _may_be_cut(line, label, form[0])]
-    sets = Counter(tuple(line.pairs) for n, line in best.items() if n not in voids)
-    usual, often = sets.most_common(1)[0]
-    cut = [n for n, line in best.items() if often > _USUAL * len(best) and tuple(line.pairs) != usual]
     broken = sorted({*numeric, *cut, *strange})
     if len(best) - len(cut) < max(_FEW, (1.0 - _USUAL) * (len(best) + len(numeric))):
         return None
@@ -142,13 +147,17 @@ def _may_be_cut(line: str, word: str, form: str) -> bool:
     begin = " ".join(_SLOT.sub("0", line).split())
     return (
         form.startswith(begin)
-        or (bool(form) and begin.startswith(form))
+        or (
+            bool(form)
+            and begin.startswith(form)
+            and bool(re.search(r"\d", begin[len(form) :]) or not is_prose(line))
+        )
         or not re.search(r"[^\W\d_]{2}", line)
     )
 
 
-def _parsed(line: str, word: str) -> _Line | None:
-    """Return a line's parts; None where it has not two labels or more that count up, each with a pair or a void."""
+def _parsed(line: str, word: str, fewest: int = 2) -> _Line | None:
+    """Return a line's parts; None where it has not as many labels or more that count up, each with a pair or a void."""
     labels = [m for m in _LABEL.finditer(line) if m["word"] == word] if word else [*_BARE.finditer(line)]
     runs: list[list[re.Match[str]]] = []
     for m in labels:
@@ -157,7 +166,7 @@ def _parsed(line: str, word: str) -> _Line | None:
         else:
             runs.append([m])
     run = max(runs, key=len, default=[])
-    while len(run) > 1:  # what stands before may look like a label, as a time in "5 0: 1/2 1: 3/4"
+    while len(run) >= fewest:  # what stands before may look like a label, as a time in "5 0: 1/2 1: 3/4"
         made = _of_run(line, run)
         if made is not None:
             return made
@@ -169,7 +178,7 @@ def _of_run(line: str, run: Sequence[re.Match[str]]) -> _Line | None:
     ends = [*(m.start() for m in run[1:]), len(line)]
     pairs, marks, rest = {}, [], ""
     steps = {int(b["strip"]) - int(a["strip"]) for a, b in pairwise(run)}
-    if min(steps) < 1:
+    if min(steps, default=1) < 1:
         return None
     for m, end in zip(run, ends, strict=True):
         start = m.end() - len((m["sign"] or "").lstrip()) if m["sign"].strip() not in (":", "=") else m.end()
@@ -215,10 +224,13 @@ def _of_head(head: str) -> tuple[str, tuple[tuple[str, str], ...]]:
 def _without_contact(line: str, strip: str, form: str) -> _Line | None:
     """Return a line that has nothing, or a mark for it, where others have strips, as one of an untouched strip."""
     said = _LAST_WORDS.search(line)
-    head = line[: said.start()] if said and says_nothing(said[1].strip()) else _VOID_END.sub("", line)
+    head = (
+        line[: said.start()] if said and says_nothing(said[1].strip(" ()[]{}.!")) else _VOID_END.sub("", line)
+    )
     head = head.rstrip()
-    made, fields = _of_head(head)
-    return _Line(head, made, fields, {strip: ("", "")}, (), "") if fields and made == form else None
+    made, fields = _of_head(head.rstrip(_MARKS))
+    alike = made == form.rstrip(_MARKS)  # what parts it from the first strip may be missing
+    return _Line(head, form, fields, {strip: ("", "")}, (), "") if fields and alike else None
 
 
 def _plain(void: re.Match[str]) -> bool:

@@ -14,7 +14,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import ReadingError
-from tacstrip.io.log_import.fields import clock_times, is_of_two, number_of, says_nothing
+from tacstrip.io.log_import.fields import clock_times, is_date, is_of_two, number_of, says_nothing
 from tacstrip.io.log_import.mapping import ColumnMapping
 from tacstrip.io.log_import.names import CLOCKS, meaning, seconds_of
 from tacstrip.io.log_import.table import NoTableError, Table
@@ -83,7 +83,7 @@ def scans(table: Table, mapping: ColumnMapping, dropped: list[int] | None = None
     table = table.where(mapping.only)
     _check_digits(table, mapping)
     sort = _oldest_first if is_newest_first(table, mapping) else _by_number
-    table = sort(table, mapping)
+    table = _by_date(sort(table, mapping), mapping)
     ordered, times = _in_order(table, _times(table, mapping), mapping)
     found = list(_scans(ordered, times, mapping, [] if dropped is None else dropped, ordered is not table))
     if not found:
@@ -220,6 +220,27 @@ def _by_number(table: Table, mapping: ColumnMapping) -> Table:
     return table.of_rows(order)
 
 
+def is_unsorted(table: Table, mapping: ColumnMapping) -> bool:
+    """Return whether lines of a strip each, with dates, are not in the order of time, and no strip twice in a scan."""
+    keys = [n for n in (mapping.time, mapping.strip, mapping.which) if n]
+    if mapping.time_unit != "clock" or not (mapping.time and mapping.strip):
+        return False
+    dated = all(is_date(f.strip().replace("T", " ").split(" ")[0]) for f in table.column(mapping.time))
+    falls = (np.diff(raw_times(table, mapping)) < 0.0).sum() if dated else 0
+    runs = [*itertools.groupby(table.column(mapping.strip))]
+    return (
+        falls > _FEW_STEPS
+        and len(runs) > 2 * len({*table.column(mapping.strip)})  # else one strip stands below another
+        and len({*zip(*(table.column(n) for n in keys), strict=True)}) == len(table.rows)
+    )
+
+
+def _by_date(table: Table, mapping: ColumnMapping) -> Table:
+    if not is_unsorted(table, mapping):
+        return table
+    return table.of_rows(np.argsort(raw_times(table, mapping), kind="stable"))
+
+
 def _strips_fall(table: Table, mapping: ColumnMapping, times: FloatArray) -> bool:
     steps = np.diff(strip_numbers(table, mapping))[np.diff(times) == 0.0]
     return bool((steps <= 0).all() and (steps < 0).any())
@@ -299,13 +320,18 @@ def _scans(
         keys = list(zip(strips, which or [""] * len(strips), strict=True))
         by_time = by_time or are_of_one_time(times.tolist(), keys)
 
+    # What stands below the rows with something else in between is of none.
+    every = {*table.lines}
+    consecutive = max(every) - min(every) == len(every) - 1
+    broken = [b for b in table.broken if not (consecutive and b > max(every) + 1)]
+
     def between(line: int, until: float) -> bool:
         return until < line < ended if backwards else ended < line < until
 
     def closed(scan: LogScan, until: float) -> Iterator[LogScan]:
         per_line = mapping.strip or mapping.which
         lacks = per_line and len(seen) < scan.values.size
-        if lacks and (mapping.missing == "skip" or any(between(b, until) for b in table.broken)):
+        if lacks and (mapping.missing == "skip" or any(between(b, until) for b in broken)):
             dropped.append(scan.line)
         else:
             yield _complete(scan, seen, mapping)
@@ -455,6 +481,13 @@ def strip_numbers(table: Table, mapping: ColumnMapping) -> list[int]:
     found: list[int] = []
     texts: dict[int, str] = {}
     column = mapping.strip
+    if names := [n.casefold() for n in mapping.strip_names]:
+        fields = table.column(column)
+        if odd := [n for n, f in enumerate(fields) if f.casefold() not in names]:
+            raise NoTableError(
+                f"line {table.lines[odd[0]]}: {column} is {fields[odd[0]]!r}, not a strip's name"
+            )
+        return [names.index(f.casefold()) for f in fields]
     for line, text in zip(table.lines, table.column(column), strict=True):
         digits, named = re.findall(r"\d+", text), bool(re.search("[A-Za-z#]", _EXPONENT.sub("", text)))
         letter = re.fullmatch(r"(?:\w{2,}[\s_-]+)?([A-Za-z])", text.strip())

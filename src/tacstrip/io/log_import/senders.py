@@ -31,6 +31,9 @@ def ask_for_sensor(clues: Clues, known: dict[str, Meaning]) -> None:
     table = clues.table
     one = {m.channel for m in known.values() if m.role == "reading"}
     single = clues.expected == ("out",) or {"h", "l"} <= one or bool(len(one) == 2 and pair_of(one))
+    pairs = {n: there for n in table.names if len(there := {*table.column(n)}) == 2}
+    ends = [n for n, there in pairs.items() if {meaning(f).channel for f in there} == {"h", "l"}]
+    single |= bool(ends)
     named = {n for n, m in known.items() if m.role in ("time", "scan", "strip") and n != CLOCK}
     numbered = any(m.role == "strip" or m.strip is not None for m in known.values())
     of = [n for n in table.names if n in named]
@@ -51,6 +54,7 @@ def ask_for_sensor(clues: Clues, known: dict[str, Meaning]) -> None:
             or (known[name].role == "reading" and known[name].strip is not None)
             or all(clock_seconds(v) is not None or is_date(v) for v in values)
             or _rise_with_scans(fields, when) or _are_quantities(values)
+            or name in ends
         ):  # fmt: skip
             continue
         each = Counter(zip(keys, fields, strict=True)) if keys else Counter()

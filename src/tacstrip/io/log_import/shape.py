@@ -36,6 +36,7 @@ _UNITS_COLUMN = re.compile(
 )
 _PAIR = re.compile(r"[\[(<]?\s*(\S+?)(\s*[/|:;~&]\s*|\s+)(\S+?)\s*[\])>]?")  # of the two ends
 _FEW_KEYS, _SHOWN = 3, 5  # names of strips in a column; lines that are quoted
+_MOSTLY_ONCE = 0.9  # of the rows: so many times are those of one row each, where some may stand twice
 _FEW_BLANKS = 0.25  # of the rows: where more have no time, cells are merged
 
 
@@ -47,7 +48,7 @@ def in_normal_form(table: Table) -> Table:
     """
     steps: tuple[Callable[[Table], Table], ...] = (
         _without_empty, of_day_and_clock, of_one_clock, of_two_numbers, _spread, upright, _without_units,
-        _of_strips_only, _of_unit_column, _in_one_unit, _split_keys, _of_nothing, _filled, _without_index,
+        _of_strips_only, _of_senders, _of_unit_column, _in_one_unit, _split_keys, _of_nothing, _filled, _without_index,
     )  # fmt: skip
     for step in steps:
         table = step(table) if table.rows else table
@@ -158,9 +159,7 @@ def _of_strips_only(table: Table) -> Table:
         others = {f for f, m in kinds.items() if m.strip is None}
         if not others or len(kinds) - len(others) < _FEW_KEYS or meaning(name).role in ("time", "scan"):
             continue
-        words = all(
-            re.fullmatch(r"[^\W\d]{2,}(?:[ _.-][^\W\d]+)*", f) and not says_nothing(f) for f in others
-        )
+        words = all(re.fullmatch(r"\D*[^\W\d_]{2}\D*", f) and not says_nothing(f) for f in others)
         out = [n for n, f in enumerate(fields) if f in others]
         strips = all(m.role == "reading" for f, m in kinds.items() if f not in others)
         worded = strips and not any(number_of(f) is not None for f in kinds)
@@ -176,6 +175,28 @@ def _of_strips_only(table: Table) -> Table:
             table.of_rows(kept),
             doubts=(*table.doubts, f"{said}: {name} is {', '.join(sorted(others))}, no strip's number; passed over"),
         )  # fmt: skip
+    return table
+
+
+def _of_senders(table: Table) -> Table:
+    """Give the senders in topics such as "glove/left/strip0/vh" a column, if all send of the same strips and ends."""
+    for name in table.names:
+        fields = table.column(name)
+        topics = {f: f.split("/") for f in {*fields}}
+        lengths = {len(parts) for parts in topics.values()}
+        for place in range(lengths.pop() - 1) if len(lengths) == 1 else ():
+            senders: dict[str, set[str]] = {}
+            for parts in topics.values():
+                senders.setdefault(parts[place], set()).add("/".join(parts[:place] + parts[place + 1 :]))
+            rest = meanings(sorted(set().union(*senders.values())))
+            told = {(m.strip, m.channel) for m in rest.values() if m.strip is not None and m.channel}
+            if len(senders) < 2 or len(told) < len(rest) or any(s != {*rest} for s in senders.values()):
+                continue
+            columns = {n: table.column(n) for n in table.names}
+            columns["source"] = [topics[f][place] for f in fields]
+            columns[name] = ["/".join(topics[f][:place] + topics[f][place + 1 :]) for f in fields]
+            if len(columns) > len(table.names):
+                return table.with_columns(columns, f"{name}: topics of {len(senders)} senders")
     return table
 
 
@@ -247,6 +268,9 @@ def _of_nothing(table: Table) -> Table:
     known = meanings(table.names)
     strips = [n for n, m in known.items() if m.role == "strip"]
     read = [n for n, m in known.items() if m.role == "reading"]
+    if len(strips) == 1 and not read:  # else what is filled where the strip is, and only there
+        there = [bool(f) for f in table.column(strips[0])]
+        read = [n for n in table.names if n not in strips and [bool(f) for f in table.column(n)] == there]
     if len(strips) != 1 or not read:
         return table
     columns = [table.column(n) for n in (*strips, *read)]
@@ -275,27 +299,41 @@ def _of_nothing(table: Table) -> Table:
 
 
 def _split_keys(table: Table) -> Table:
-    """Split a column of names such as "3H", "vh[3]" or "S01 high" into strip and channel."""
+    """Split a column of names such as "3H", "vh[3]" or "S01 high" into strip and channel; take the strips of "S01"."""
     for name in table.names:
         fields = table.column(name)
         if meaning(name).role == "time" or any(
             number_of(f) is not None or clock_seconds(f) is not None for f in {*fields}
         ):
             continue
-        kinds = meanings(sorted(set(fields)))
-        if len(kinds) < 2 or any(
-            m.role != "reading" or m.strip is None or not m.channel for m in kinds.values()
-        ):
+        kinds = meanings(sorted({*fields} - {""}))
+        if len(kinds) < 2 or any(m.role != "reading" or m.strip is None for m in kinds.values()):
             continue
+        ends = {m.channel for m in kinds.values()}
         if len({(m.strip, m.channel) for m in kinds.values()}) < len(kinds):
             continue
-        columns = {n: table.column(n) for n in table.names if n != name}
-        columns["strip"] = [str(kinds[f].strip) for f in fields]
-        columns["channel"] = [kinds[f].channel for f in fields]
-        if len(columns) < len(table.names) + 1:  # there is such a column already
-            continue
-        return table.with_columns(columns, f"{name}: strip and channel in one, such as {fields[0]!r}")
+        # What is another one with each of these says the same.
+        same = [n for n in table.names if n != name and _are_one_to_one(table.column(n), fields)]
+        columns = {n: table.column(n) for n in table.names if n not in (name, *same)}
+        others = meanings(tuple(columns)).values()
+        if any(m.role == "strip" or m.strip is not None for m in others) or "channel" in columns:
+            continue  # there is such a column already
+        columns["strip"] = ["" if not f else str(kinds[f].strip) for f in fields]
+        if "" not in ends and all(fields):
+            columns["channel"] = [kinds[f].channel for f in fields]
+            return table.with_columns(columns, f"{name}: strip and channel in one, such as {fields[0]!r}")
+        if (
+            ends == {""}
+            and meaning(name).role != "strip"
+            and len(kinds) >= _FEW_KEYS
+            and any(m.channel for m in others)
+        ):
+            return table.with_columns(columns, f"{name}: the strip, as in {next(filter(None, fields))!r}")
     return table
+
+
+def _are_one_to_one(one: list[str], other: list[str]) -> bool:
+    return len({*zip(one, other, strict=True)}) == len({*one}) == len({*other})
 
 
 def _filled(table: Table) -> Table:
@@ -316,7 +354,7 @@ def _filled(table: Table) -> Table:
             not strips
             and role == "time"
             and blank <= _FEW_BLANKS * len(fields)
-            and len(set(fields)) > len(fields) - blank
+            and len(set(fields)) > _MOSTLY_ONCE * (len(fields) - blank)
         ):
             kept = [bool(f) for f in fields]
             rows = [row for row, k in zip(table.rows, kept, strict=True) if k]

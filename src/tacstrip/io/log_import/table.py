@@ -246,6 +246,14 @@ def flattened(name: str, value: Any, _level: int = 0) -> dict[str, str]:
     return {key: text for part, v in parts for key, text in flattened(part, v, _level + 1).items()}
 
 
+def _counted(labels: Sequence[Any]) -> tuple[int, int] | None:
+    """Return the first and the last number of labels that are the same but for one that counts, as S01, S02, ..."""
+    found = [re.fullmatch(r"(\D+)(\d+)", t) if isinstance(t, str) else None for t in labels]
+    numbers = [int(m[2]) for m in found if m]
+    counted = len(numbers) == len(labels) > 1 and numbers == [*range(numbers[0], numbers[0] + len(numbers))]
+    return (numbers[0], numbers[-1]) if counted and len({m[1] for m in found if m}) == 1 else None
+
+
 def said_above(values: Mapping[str, Any]) -> tuple[str, ...]:
     """Return what stands beside a log's arrays or records as lines such as "rate 20 Hz" that could stand above them.
 
@@ -259,6 +267,8 @@ def said_above(values: Mapping[str, Any]) -> tuple[str, ...]:
     for key, value in values.items():
         if isinstance(value, Mapping):
             told += said_above(value)
+        elif isinstance(value, list) and (ends := _counted(value)):
+            told.append(f"{key}: {ends[0]} to {ends[1]}")
         elif isinstance(value, str | int | float) and not isinstance(value, bool):
             name, _, last = key.rpartition("_")
             unit = _SAID_IN.get(last.casefold() if name else "", "")

@@ -27,6 +27,8 @@ from tacstrip.io.log_import.table import CLOCK, ROW
 NO_TIME = "none"  # answered for a rate: times are left empty
 _RATES_HZ = (0.12, 1000.0)  # scans per second that a log may have
 _POSSIBLE_S = (1.5e-4, 3600.0)  # from scan to scan
+_DRIFT = 0.05  # of the time: clocks that differ by less may drift
+_OTHER_UNITS = ("86.4ms",)  # a millionth of a day, as of Siemens' logs
 _EVEN = 0.2  # of the largest step: so much may others of a clock be less
 _FEW_CODES = 6  # distinct readings that lie on a converter's steps: no chance
 _FAR = 1e5  # usual steps: no pause is as long
@@ -38,6 +40,7 @@ _TIME_SAID = re.compile(
     r"\b(?:t|times?|zeit|temps|tiempo|tempo|tijd) (?:is |are )?in ([^\W\d_]+)\b", re.IGNORECASE
 )
 _TICKS = re.compile(r"(?<![^\W_])ticks?(?![^\W_])", re.IGNORECASE)  # of a timer, as a column's name
+_USUAL_TICKS = ("ms", "10ms", "us")
 _TICK = re.compile(r"\bticks?\s*(?:=|:|is|are|of|every)\s*(\d+(?:\.\d+)?)\s*(ms|us|s)\b", re.IGNORECASE)
 _OF_ARDUINO = re.compile(r"\b(millis|micros)\b")  # functions
 _LAST_HOUR = 23
@@ -103,6 +106,8 @@ def with_time(clues: Clues, mapping: ColumnMapping, found: Columns) -> ColumnMap
     if (not unit or too_late) and (since := [u for u, s in _EPOCHS.items() if s <= abs(times[0]) <= 2.2 * s]):
         clues.because(f"{found.time}: {since[0]} since 1970")
         unit = since[0]
+    if "time_unit" not in clues.answers and unit in TIME_UNITS:
+        unit = _as_stamps_run(clues, found.time, times, unit)
     steps = np.diff(times)
     mapping = replace(mapping, time_unit=unit)
     return (
@@ -110,6 +115,25 @@ def with_time(clues: Clues, mapping: ColumnMapping, found: Columns) -> ColumnMap
         if unit in CLOCKS
         else replace(mapping, time_bits=_clock_bits(clues, found.time, times, steps))
     )
+
+
+def _as_stamps_run(clues: Clues, name: str, times: FloatArray, unit: str) -> str:
+    """Return the only unit in which a time spans what a column of dates and times of day does; else the unit named."""
+    span = float(times[-1] - times[0])
+    for stamps in (n for n in clues.table.names if n not in (name, CLOCK)):
+        ends = [clues.table.column(stamps)[n] for n in (0, -1)]
+        if any(number_of(t, clues.table.decimal) is not None or clock_seconds(t) is None for t in ends):
+            continue
+        other = (clock_seconds(ends[1]) or 0.0) - (clock_seconds(ends[0]) or 0.0)
+        slack = _DRIFT * other + (0.0 if re.search(r"[.,]\d", ends[0]) else 1.0)
+        fits = [u for u in (*TIME_UNITS, *_OTHER_UNITS) if abs(span * seconds_of(u) - other) <= slack]
+        if span > 0.0 and other > 2.0 * slack and len(fits) == 1 and fits != [unit]:
+            clues.doubt(
+                f"{name}: taken in steps of {fits[0]}, for only so it runs as {stamps} does; else --answer "
+                f"time_unit={unit}"
+            )
+            return fits[0]
+    return unit
 
 
 def _answered_unit(clues: Clues) -> str:
@@ -174,43 +198,59 @@ def settled_time(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
     """Return the mapping with the unit of its time, by the steps from scan to scan, or with its rate."""
     untimed = clues.answers.get("rate_hz") == NO_TIME
     rate = None if untimed else clues.number("rate_hz")
-    coarse = False
-    if mapping.time and len(rough) > 1:
-        steps = np.diff([s.time_s for s in rough])
-        if coarse := bool((steps == 0.0).mean() > _SAME_TIME):
-            if (steps != 0.0).any() or rate is None:
-                clues.because(
-                    f"{mapping.time}: most scans have the time of the one before, so it says nothing"
-                )
-            mapping = replace(mapping, time="", time_unit="s", time_bits=0)
-    if not mapping.time:
-        rate = rate or _rate_above(clues)
-        if untimed:
-            clues.doubt(
-                "the log has no time: time_s is left empty, and what needs it (velocities, drift, recordings) is not "
-                "told; if you know the scans per second, --answer rate_hz=50"
-            )
-        elif rate is None and len(rough) > 1:
-            even = _even_column(clues, mapping, len(rough))
-            if even and (unit := _answered_unit(clues) or even * (even in TIME_UNITS)):
-                clues.because(f"{even}: rises evenly, and no other column is the time")
-                return replace(mapping, time=even, time_unit=unit)
-            if even:
-                values = [v for v in clues.values(even) if v is not None]
-                step = float(np.median(np.diff(sorted({*values}))))
-                clues.ask(
-                    "time_unit",
-                    f"no name says the time, and {even!r} rises evenly, by {step:g}: if it is, in which unit (0.4ms: "
-                    "by the ticks of a timer)? Or give rate_hz",
-                    *(_units_that_fit(step) or ("s", "ms", "us")), of_form=True,
-                )  # fmt: skip
-            else:
-                text = f"the log has {len(rough)} scans and no time: how many scans per second?"
-                clues.ask(
-                    "rate_hz", text, "50", NO_TIME, default="" if coarse or _has_stamps(clues) else NO_TIME
-                )
-        return replace(mapping, rate_hz=rate or 0.0)
     steps = np.diff(np.array([s.time_s for s in rough]))
+    coarse = bool(mapping.time and len(steps) and (steps == 0.0).mean() > _SAME_TIME)
+    if coarse:
+        if (steps != 0.0).any() or rate is None:
+            clues.because(f"{mapping.time}: most scans have the time of the one before, so it says nothing")
+        mapping = replace(mapping, time="", time_unit="s", time_bits=0)
+    if not mapping.time:
+        return _with_rate(clues, mapping, len(rough), rate or _rate_above(clues), coarse)
+    _refuse_jumps(rough, steps)
+    step = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
+    if mapping.time_unit and step and "time_unit" not in clues.answers:
+        mapping = _by_rate(clues, mapping, step, rate)
+    if mapping.time_unit or len(rough) < 2:
+        if "time_unit" not in clues.answers and step and not _POSSIBLE_S[0] <= step <= _POSSIBLE_S[1]:
+            _ask_for_strange(clues, mapping, step)
+        return replace(mapping, time_unit=mapping.time_unit or "s")
+    if rate and step:  # which tells the unit, or that the column is no time
+        return _of_rate(clues, mapping, step, rate)
+    return _of_steps(clues, mapping, step, counts=step == 1.0 and set(steps.tolist()) == {1.0})
+
+
+def _with_rate(
+    clues: Clues, mapping: ColumnMapping, scans: int, rate: float | None, coarse: bool
+) -> ColumnMapping:
+    """Return the mapping of a log without a time, by its rate, or a column that rises evenly; else that is asked."""
+    if clues.answers.get("rate_hz") == NO_TIME:
+        clues.doubt(
+            "the log has no time: time_s is left empty, and what needs it (velocities, drift, recordings) is not "
+            "told; if you know the scans per second, --answer rate_hz=50"
+        )
+    elif rate is None and scans > 1:
+        even = _even_column(clues, mapping, scans)
+        if even and (unit := _answered_unit(clues) or even * (even in TIME_UNITS)):
+            clues.because(f"{even}: rises evenly, and no other column is the time")
+            return replace(mapping, time=even, time_unit=unit)
+        if even:
+            values = [v for v in clues.values(even) if v is not None]
+            step = float(np.median(np.diff(sorted({*values}))))
+            clues.ask(
+                "time_unit",
+                f"no name says the time, and {even!r} rises evenly, by {step:g}: if it is, in which unit (0.4ms: "
+                "by the ticks of a timer)? Or give rate_hz",
+                *(_units_that_fit(step) or ("s", "ms", "us")), of_form=True,
+            )  # fmt: skip
+        else:
+            text = f"the log has {scans} scans and no time: how many scans per second?"
+            default = "" if coarse or _has_stamps(clues) else NO_TIME
+            clues.ask("rate_hz", text, "50", NO_TIME, default=default)
+    return replace(mapping, rate_hz=rate or 0.0)
+
+
+def _refuse_jumps(rough: list[LogScan], steps: FloatArray) -> None:
+    """Refuse a time that jumps at the first or the last scan as nowhere else."""
     if len(steps) > 2 and (
         steps[0] > _FAR * np.median(steps[1:]) > 0.0
         or (len(steps) > _FEW_CODES and steps[0] > _FAR_LAST * max(steps[1:]) > 0.0)
@@ -224,45 +264,46 @@ def settled_time(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
             f"line {rough[-1].line}, the last: the time jumps there as nowhere else, to {rough[-1].time_s:g} s: is a "
             "point lost, or is it cut? Mend it, or take it out"
         )
-    step = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
-    if mapping.time_unit and step and "time_unit" not in clues.answers:
-        mapping = _by_rate(clues, mapping, step, rate)
-    if mapping.time_unit or len(rough) < 2:
-        if "time_unit" not in clues.answers and step and not _POSSIBLE_S[0] <= step <= _POSSIBLE_S[1]:
-            raw = step / TIME_UNITS.get(mapping.time_unit, 1.0)
-            rates = _rates_above(clues)
-            so = [
-                u for u in ("ms", "us", "s") if len(rates) == 1 and _is_rate(raw * TIME_UNITS[u], min(rates))
-            ]
-            clues.ask(
-                "time_unit",
-                f"{mapping.time} would rise by {step:g} s from scan to scan: in which unit is it?"
-                + (f" (A line above says {min(rates):g} Hz, as they would be in {so[0]})" if so else ""),
-                "ms",
-                "us",
-                "s",
-            )
-        return replace(mapping, time_unit=mapping.time_unit or "s")
-    fits = _units_that_fit(step)
-    strange = unknown_unit(mapping.time)
-    if rate and step:  # which tells the unit, or that the column is no time
-        told = [u for u in ("s", "ms", "us") if _is_rate(step * TIME_UNITS[u], rate)]
-        if not told:
-            clues.doubt(
-                f"{mapping.time!r} rises by {step:g} from scan to scan, which is {rate:g} scans per second in no unit: "
-                "it is passed over"
-            )
-            return replace(mapping, time="", time_unit="s", time_bits=0, rate_hz=rate)
-        clues.because(f"{mapping.time} is in {told[0]}, at {rate:g} scans per second")
-        return replace(mapping, time_unit=told[0])
-    if (
-        fits
-        and not strange
-        and len(told := [u for u in fits if _is_unit_told(clues, mapping.time, u, step)]) == 1
-    ):
+
+
+def _ask_for_strange(clues: Clues, mapping: ColumnMapping, step: float) -> None:
+    """Ask for the unit of a time in whose own unit scans would come as they hardly can."""
+    raw = step / TIME_UNITS.get(mapping.time_unit, 1.0)
+    rates = _rates_above(clues)
+    so = [u for u in ("ms", "us", "s") if len(rates) == 1 and _is_rate(raw * TIME_UNITS[u], min(rates))]
+    clues.ask(
+        "time_unit",
+        f"{mapping.time} would rise by {step:g} s from scan to scan: in which unit is it?"
+        + (f" (A line above says {min(rates):g} Hz, as they would be in {so[0]})" if so else ""),
+        "ms", "us", "s",
+    )  # fmt: skip
+
+
+def _of_rate(clues: Clues, mapping: ColumnMapping, step: float, rate: float) -> ColumnMapping:
+    """Return the mapping with the unit in which a time has a rate; without that column where it has it in none."""
+    told = [u for u in ("s", "ms", "us") if _is_rate(step * TIME_UNITS[u], rate)]
+    if not told:
+        clues.doubt(
+            f"{mapping.time!r} rises by {step:g} from scan to scan, which is {rate:g} scans per second in no unit: "
+            "it is passed over"
+        )
+        return replace(mapping, time="", time_unit="s", time_bits=0, rate_hz=rate)
+    clues.because(f"{mapping.time} is in {told[0]}, at {rate:g} scans per second")
+    return replace(mapping, time_unit=told[0])
+
+
+def _of_steps(clues: Clues, mapping: ColumnMapping, step: float, counts: bool) -> ColumnMapping:
+    """Return the mapping with the only unit in which scans come as they may; asked where there are several."""
+    fits, strange = _units_that_fit(step), unknown_unit(mapping.time)
+    told = [u for u in fits if _is_unit_told(clues, mapping.time, u, step)]
+    if not strange and len(told) == 1:
         clues.because(f"{mapping.time} is in {told[0]}, as a line above says")
         return replace(mapping, time_unit=told[0])
-    if len(fits) == 1 and not strange:
+    if _TICKS.search(mapping.time):  # of an operating system, as a rule
+        fits = [
+            u for u in _USUAL_TICKS if step and _RATES_HZ[0] <= 1.0 / (step * seconds_of(u)) <= _RATES_HZ[1]
+        ]
+    elif len(fits) == 1 and not strange:
         if fits != ["days"] and step == round(step):  # which may count the ticks of any clock
             clues.doubt(
                 f"{mapping.time} rises by {step:g} from scan to scan, and nothing says its unit: taken as {fits[0]}, "
@@ -270,7 +311,6 @@ def settled_time(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
             )
         clues.because(f"{mapping.time} is in {fits[0]}: it rises by {step:g} from scan to scan")
         return replace(mapping, time_unit=fits[0])
-    counts = step == 1.0 and set(steps.tolist()) == {1.0}
     clues.ask(
         "time_unit",
         f"{mapping.time} rises by {step:g} from scan to scan: in which unit?"

@@ -33,6 +33,9 @@ _MANY = 0.05  # of the readings: more that are exactly 0 are no chance
 # Of what there can be: a unit in which a log uses less is out where it uses as much in another.
 _LITTLE, _MUCH = 0.21, 0.5
 BITS = (8, 10, 12, 14, 16, 24)
+# Codes that are full scale and no power of two: of the analog inputs of a PLC, which go on for a part beyond.
+_OTHER_FULL_SCALES, _OVER_FULL = (27648,), 1.176
+_USUAL_MV = (0.125, 0.1875)  # of a code of converters with a reference of their own, such as the ADS1115
 _FEW_CODES = 6  # distinct readings that lie on a converter's steps: no chance
 _CODES_SAID = re.compile(r"\b(?:adc|raw|codes?|counts?|lsbs?|digits?)\b", re.IGNORECASE)
 _PERCENT = (20.0, 100.0)  # between which the largest reading of a sensor in percent lies as a rule
@@ -92,7 +95,6 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
     answer = clues.choice("unit", (*READING_UNITS, *LENGTHS_MM))
     vref = clues.number("vref_volt") or (sensor.vref_volt if sensor else 0.0)
     bits = _stated_bits(clues)
-    scale = mapping.scale
     if not len(values):
         return replace(mapping, unit=answer or "V")
     if values.max() < 0.0 < mapping.zero:
@@ -101,26 +103,56 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
             "offset by half; say --answer coding=signed or coding=unsigned"
         )
     told = [found.meanings[n] for n in mapping.columns]
-    named = {m.unit for m in told} - {""}
-    volts = any(m.volts for m in told)
-    hundred = 1.0 / OF_VREF["percent"]
-    if (
-        named == {"fraction"}
-        and 1.0 + _OFF_VREF < values.max() <= hundred
-        and (values != np.round(values)).any()
-    ):
+    named = _named_units(clues, mapping, {m.unit for m in told} - {""}, values, bits, answer)
+    unit = answer or (
+        named.pop()
+        if len(named) == 1
+        else _unit_by_size(clues, values, vref / mapping.scale, bits, any(m.volts for m in told))
+    )
+    mapping, unit, bits, how = _with_codes(clues, mapping, values, unit, bits, vref)
+    if mapping.scale != 1.0:
+        clues.because(f"readings are multiplied by {mapping.scale:g}")
+    if sensor is None and (unit in ("fraction", "percent") or how != "unsigned") and not vref:
+        clues.ask(
+            "vref_volt",
+            "the readings are parts of Vref: how many volts is that? Or name the SENSOR",
+            "5",
+            "3.3",
+        )
+    if other := _above_vref(clues, values, unit, vref / mapping.scale, answer):
+        return replace(mapping, unit=unit, vref_volt=other)
+    full = (2.0**bits - 1.0) / min(mapping.scale, 1.0)
+    top = (_largest_possible(vref, mapping.scale) | {"code": full}).get(unit, 0.0)
+    _check_size(clues, values, unit, top, vref, answer)
+    plain = how == "unsigned" and mapping.scale == 1.0
+    own = sensor is None or bits == sensor.adc_bits
+    other_bits = 0 if unit != "code" or (plain and own) else bits
+    if sensor and (vref == sensor.vref_volt or unit not in IN_VOLTS):
+        vref = 0.0
+    if sensor and vref:
+        clues.doubt(
+            f"volts of Vref = {vref:g} are written as such of vref_volt = {sensor.vref_volt:g} of the spec, with the "
+            f"same ratios; better put vref_volt = {vref:g} into the spec and import again"
+        )
+    return replace(mapping, unit=unit or "V", vref_volt=vref, adc_bits=other_bits)
+
+
+def _named_units(
+    clues: Clues, mapping: ColumnMapping, named: set[str], values: FloatArray, bits: int, answer: str
+) -> set[str]:
+    """Return the units that columns' names say, if the readings can be in them; codes where fields say these."""
+    whole = bool((values == np.round(values)).all())
+    if named == {"fraction"} and not whole and 1.0 + _OFF_VREF < values.max() <= 1.0 / OF_VREF["percent"]:
         named = set()  # a ratio in percent, say
     if named == {"fraction"} and values.max() > 1.0 and all(map(is_called_k, mapping.columns)):
-        named = {"code"} if bits and (values == np.round(values)).all() else set()
+        named = {"code"} if bits and whole else set()
         if named and values.max() <= 1.0 / OF_VREF["permille"] and not answer:
             clues.doubt(
                 f"{next(iter(mapping.columns))}, ...: whole numbers up to {values.max():g} are taken as codes of "
                 f"{bits} bits; if they are thousandths of Vref, --answer unit=permille"
             )
     filled = [f for n in mapping.columns for f in clues.table.column(n) if not says_nothing(f)]
-    if not named and all(f[:2].casefold() == "0x" for f in filled):
-        named = {"code"}
-    if not named and "coding" in clues.answers:
+    if not named and ("coding" in clues.answers or all(f[:2].casefold() == "0x" for f in filled)):
         named = {"code"}
     contrary = len(named) == 1 and named <= {*IN_VOLTS} and _may_be_codes(values, bits) and not answer
     if contrary and (said := _line_of_codes(clues)):
@@ -130,16 +162,20 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
             "the readings?",
             min(named), "code",
         )  # fmt: skip
-    unit = answer or (
-        named.pop() if len(named) == 1 else _unit_by_size(clues, values, vref / scale, bits, volts)
-    )
+    return named
+
+
+def _with_codes(
+    clues: Clues, mapping: ColumnMapping, values: FloatArray, unit: str, bits: int, vref: float
+) -> tuple[ColumnMapping, str, int, str]:
+    """Return the mapping, the unit, the bits of codes without a sign, and how codes are taken ("" if not known)."""
     open_unit = next((q for q in clues.questions if q.key == "unit"), None)
-    step = 0.0 if bits or scale != 1.0 else conversion.step_told(clues)
+    step = 0.0 if bits or mapping.scale != 1.0 else conversion.step_told(clues)
     if unit == "code" and not open_unit and 0.0 < step * values.max() <= (1.0 + _OFF_VREF) * (vref or np.inf):
         clues.because(f"codes of {step:g} V each, as the log says")
-        mapping, scale, unit = replace(mapping, scale=step), step, "V"
-    elif unit == "code" or (open_unit and sensor and "code" in open_unit.choices and not step):
-        bits = _bits(clues, values, bits, scale)
+        mapping, unit = replace(mapping, scale=step), "V"
+    elif unit == "code" or (open_unit and clues.sensor and "code" in open_unit.choices and not step):
+        bits = _bits(clues, values, bits, mapping.scale)
     if unit == "code":
         conversion.ask_for_half(clues, values, bits)
     how = conversion.coding(clues, bits) if unit == "code" else "unsigned"
@@ -148,36 +184,44 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
     bits -= how in ("signed", "offset") and bits > 0
     if unit == "code" and how and "adc_bits" not in {q.key for q in clues.questions}:
         conversion.ask_for_step(clues, bits, vref)
-    if scale != 1.0:
-        clues.because(f"readings are multiplied by {scale:g}")
-    if sensor is None and (unit in ("fraction", "percent") or how != "unsigned") and not vref:
+    return mapping, unit, bits, how
+
+
+def _above_vref(clues: Clues, values: FloatArray, unit: str, vref: float, answer: str) -> float:
+    """Ask for Vref where readings in volts reach above the spec's, or it states none; in the first case return it.
+
+    `vref` is that of readings as they stand, before they are multiplied.
+    """
+    if (
+        unit not in IN_VOLTS or not clues.sensor or "vref_volt" in clues.answers
+        or "unit" in {q.key for q in clues.questions}
+    ):  # fmt: skip
+        return 0.0
+    own, top = clues.sensor.vref_volt, _largest_possible(vref)[unit]
+    over = values > (1.0 + _OFF_VREF) * top
+    if over.sum() > _FEW_OVER and over.mean() > _MANY and values.max() <= _MOST_OVER * top and not answer:
+        fits = [f"{v:g}" for v in _VREFS if v >= 0.99 * values.max() * IN_VOLTS[unit]][:2]
         clues.ask(
             "vref_volt",
-            "the readings are parts of Vref: how many volts is that? Or name the SENSOR",
-            "5",
-            "3.3",
-        )
-    top = (_largest_possible(vref, scale) | {"code": (2.0**bits - 1.0) / min(scale, 1.0)}).get(unit, 0.0)
-    if unit in IN_VOLTS and sensor and not open_unit and "vref_volt" not in clues.answers:
-        over = values > (1.0 + _OFF_VREF) * top
-        if over.sum() > _FEW_OVER and over.mean() > _MANY and values.max() <= _MOST_OVER * top and not answer:
-            fits = [f"{v:g}" for v in _VREFS if v >= 0.99 * values.max() * IN_VOLTS[unit]][:2]
-            clues.ask(
-                "vref_volt",
-                f"readings reach {values.max():g} {unit}, above vref_volt = {vref:g} of the spec: with which Vref was "
-                "the log made (then put it into the spec, too)? If they were amplified, scale=0.5 (by what to "
-                "multiply them); if they are no volts, --answer unit=code (mV, ...)",
-                *fits,
-            )  # fmt: skip
-            return replace(mapping, unit=unit, vref_volt=float(fits[0]))
-        if clues.stated is not None and "vref_volt" not in clues.stated:
-            clues.ask(
-                "vref_volt",
-                f"readings are in {unit}, and the spec does not state vref_volt (unset, it is {vref:g} V): how "
-                "many volts is Vref? Or write it into the spec",
-                f"{vref:g}", "3.3",
-            )  # fmt: skip
-    if unit and top and values.max() > 1.01 * top:
+            f"readings reach {values.max():g} {unit}, above vref_volt = {own:g} of the spec: with which Vref was "
+            "the log made (then put it into the spec, too)? If they were amplified, scale=0.5 (by what to "
+            "multiply them); if they are no volts, --answer unit=code (mV, ...)",
+            *fits,
+        )  # fmt: skip
+        return float(fits[0])
+    if clues.stated is not None and "vref_volt" not in clues.stated:
+        clues.ask(
+            "vref_volt",
+            f"readings are in {unit}, and the spec does not state vref_volt (unset, it is {own:g} V): how "
+            "many volts is Vref? Or write it into the spec",
+            f"{own:g}", "3.3",
+        )  # fmt: skip
+    return 0.0
+
+
+def _check_size(clues: Clues, values: FloatArray, unit: str, top: float, vref: float, answer: str) -> None:
+    """Refuse readings above `top`, the most that there can be; ask for the unit, or doubt it, far below that."""
+    if unit and top and values.max() > 1.01 * top and "unit" not in {q.key for q in clues.questions}:
         raise ReadingError(
             f"a reading of {values.max():g} is above {top:g}, the most that there can be in {unit}; check the unit "
             f"(--answer unit=...) and {'adc_bits' if unit == 'code' else 'vref_volt'} in the spec"
@@ -203,21 +247,9 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
             )
         clues.doubt(f"in {answer}, no reading is above {values.max():g} of {top:g}: is that the unit?")
     whole = answer == "mV" and bool((values == np.round(values)).all())
-    if whole and sensor and sensor.adc_bits and _lies_off_steps(values, vref, sensor.adc_bits):
-        clues.doubt(
-            f"in mV, readings do not lie on the steps of the spec's {sensor.adc_bits} bits: are they codes?"
-        )
-    plain = how == "unsigned" and scale == 1.0
-    own = sensor is None or bits == sensor.adc_bits
-    other = 0 if unit != "code" or (plain and own) else bits
-    if sensor and (vref == sensor.vref_volt or unit not in IN_VOLTS):
-        vref = 0.0
-    if sensor and vref:
-        clues.doubt(
-            f"volts of Vref = {vref:g} are written as such of vref_volt = {sensor.vref_volt:g} of the spec, with the "
-            f"same ratios; better put vref_volt = {vref:g} into the spec and import again"
-        )
-    return replace(mapping, unit=unit or "V", vref_volt=vref, adc_bits=other)
+    bits = clues.sensor.adc_bits if clues.sensor else 0
+    if whole and bits and _lies_off_steps(values, vref, bits):
+        clues.doubt(f"in mV, readings do not lie on the steps of the spec's {bits} bits: are they codes?")
 
 
 def _stated_bits(clues: Clues) -> int:
@@ -263,19 +295,82 @@ def _bits(clues: Clues, values: FloatArray, bits: int, scale: float) -> int:
         )  # fmt: skip
     over = bits and min(scale, 1.0) * values.max() > 2.0**bits - 1.0  # or a sum of several
     if (over or not bits) and clues.sensor is not None:
-        fits = [str(b) for b in BITS if values.max() <= 2.0**b - 1.0][:3]
+        fits = _bits_that_fit(float(values.max()))
         why = f"and adc_bits = {bits}" if bits else "and the spec has no adc_bits"
-        if_so = "if unit=code: " if "unit" in {q.key for q in clues.questions} else ""
-        text = f"{if_so}codes reach {values.max():g}, {why}: how many bits has the converter?"
-        if not bits:
-            text += " (If its range is not Vref, say the volts of a code: unit=0.125mV)"
+        beside = "(If its range is not Vref, say the volts of a code: unit=0.125mV)" if not bits else ""
+        ways = [f"{b}bit" for b in fits]
+        ways += _other_steps(float(values.max()), clues.sensor.vref_volt) * (not bits)
+        if _asked_with_bits(clues, ways, beside):
+            return 0
+        text = f"codes reach {values.max():g}, {why}: how many bits has the converter? {beside}".rstrip()
+        if len(ways) > len(fits):
+            clues.ask("unit", f"{text} Or which code is Vref (unit=1/27648)?", *ways)
+            return 0
         clues.ask("adc_bits", text, *fits)
         return 0
     return bits
 
 
+def _bits_that_fit(top: float) -> list[str]:
+    """Return the usual resolutions of which a log that reaches `top` uses more than a faint part.
+
+    Examples
+    --------
+    >>> _bits_that_fit(661.0), _bits_that_fit(22142.0), _bits_that_fit(9.0)
+    (['10', '12', '14'], ['16'], ['8', '10'])
+    """
+    fits = [b for b in BITS if top <= 2.0**b - 1.0]
+    return [str(b) for b in [b for b in fits if top > _FAINT * 2.0**b][:3] or fits[:1]]
+
+
+def _other_steps(top: float, vref: float) -> list[str]:
+    """Return what a code may be but Vref over a power of two, of those in use: parts of Vref, or volts."""
+    parts = [f"1/{n}" for n in _OTHER_FULL_SCALES if _MUCH * n < top <= _OVER_FULL * n]
+    return parts + [
+        f"{mv:g}mV" for mv in _USUAL_MV if _LITTLE * vref < 1e-3 * mv * top <= (1.0 + _OFF_VREF) * vref
+    ]
+
+
+def _asked_with_bits(clues: Clues, ways: list[str], beside: str) -> bool:
+    """Return whether the unit is asked, in the question of which codes now stand with their bits: one is enough."""
+    at = next((n for n, q in enumerate(clues.questions) if q.key == "unit" and "code" in q.choices), None)
+    if at is None:
+        return False
+    asked = clues.questions[at]
+    choices = [c for u in asked.choices for c in (ways or [u] if u == "code" else [u])]
+    clues.questions[at] = replace(asked, text=f"{asked.text} {beside}".rstrip(), choices=tuple(choices))
+    return True
+
+
 def _unit_by_size(clues: Clues, values: FloatArray, vref: float, bits: int, volts: bool) -> str:
     """Return the unit that the readings' size and steps leave, and a question where there are several."""
+    whole, top = bool((values == np.round(values)).all()), float(values.max())
+    fits = _used(values, vref, bits)
+    if top > 1.0 and not whole:
+        if "V" not in fits and top <= _MOST_OVER * vref:
+            return "V"  # of another Vref, which is asked
+        fits = {"V": fits["V"]} if "V" in fits else fits
+    likely = _likely_units(clues, values, vref, bits, volts, fits)
+    if len(likely) > 1 and vref and bits and (steps := _on_steps(values, vref, bits)) in likely:
+        clues.because(f"readings are in {steps}: all lie on the steps of {bits} bits, which is no chance")
+        return steps
+    if len(likely) > 1 and (said := _unit_said(clues, likely, bits, volts, top)):
+        return said
+    if len(likely) == 1:
+        of = f", and Vref is {vref * (clues.number('scale') or 1.0):g} V" if vref else ""
+        clues.because(f"readings are in {likely[0]}: they reach {top:g}{of}")
+        return likely[0]
+    if whole and likely and top <= _PERCENT[1]:
+        likely = [*likely, "percent"]
+    clues.ask(
+        "unit", f"readings reach {top:g}{' in whole numbers' if whole else ''}: in which unit?",
+        *(u for u in READING_UNITS if u in (likely or READING_UNITS)),
+    )  # fmt: skip
+    return likely[0] if likely else "V"
+
+
+def _used(values: FloatArray, vref: float, bits: int) -> dict[str, float]:
+    """Return the units that readings may be in, by their size, and which part of what there can be they use."""
     whole, top = bool((values == np.round(values)).all()), float(values.max())
     most = _largest_possible(vref or 24.0)
     rare = {u: most.pop(u) for u in ("permille", "uV", "cV", "dV")}
@@ -289,17 +384,21 @@ def _unit_by_size(clues: Clues, values: FloatArray, vref: float, bits: int, volt
         fits["code"] = 1.0  # of another converter than the spec's, which would be asked
     if top > most["mV"]:
         fits["uV"] = top / rare["uV"]
-    fits = {u: used for u, used in fits.items() if 0.0 < used <= 1.0}
-    if top > 1.0 and not whole:
-        if "V" not in fits and top <= _MOST_OVER * vref:
-            return "V"  # of another Vref, which is asked
-        fits = {"V": fits["V"]} if "V" in fits else fits
+    return {u: used for u, used in fits.items() if 0.0 < used <= 1.0}
+
+
+def _likely_units(
+    clues: Clues, values: FloatArray, vref: float, bits: int, volts: bool, fits: dict[str, float]
+) -> list[str]:
+    """Return the units that are left of those that fit, by how much of them is used, and by the converter's steps."""
+    whole, top = bool((values == np.round(values)).all()), float(values.max())
     best = max(fits.values(), default=0.0)
+    in_mv = fits.get("mV", 0.0)
     if (
         whole
         and bits
         and {*fits} == {"code", "mV"}
-        and fits["mV"] < _LITTLE
+        and in_mv < _LITTLE
         and _lies_off_steps(values, vref, bits)
     ):
         if best < _MUCH and not _codes_said(clues, vref):
@@ -308,21 +407,20 @@ def _unit_by_size(clues: Clues, values: FloatArray, vref: float, bits: int, volt
                 "on the steps of these in mV; else --answer unit=mV"
             )
         best = max(best, _MUCH)  # so few of the millivolts, and not on the converter's steps of them
-    likely = [u for u, used in fits.items() if used >= _LITTLE or best < _MUCH]
+    likely = [u for u, part in fits.items() if part >= _LITTLE or best < _MUCH]
+    likely = [u for u in likely if not vref or fits[u] >= _FAINT] or likely
     if not likely and {*fits} == {"code", "mV"}:
         likely = ["code"]  # not those millivolts, however few codes they are
-    if volts and not whole and "V" in fits:
+    if volts and ((not whole and "V" in fits) or (whole and len(fits) > 1)):
         likely = list(fits)
-    if volts and whole and len(fits) > 1:
-        likely = list(fits)
-    told_bits = _tells_bits(clues, vref)
-    if likely == ["code"] and "mV" in fits and not (clues.sensor and clues.sensor.adc_bits) and not told_bits:
-        if "adc_bits" not in clues.answers:  # nothing says that there are codes
-            likely.insert(0, "mV")
-        else:
+    spec_bits = clues.sensor.adc_bits if clues.sensor else 0
+    if likely == ["code"] and "mV" in fits and not spec_bits and not _tells_bits(clues, vref):
+        if "adc_bits" in clues.answers:
             clues.doubt(
                 f"readings reach {top:g}: taken as codes, of which adc_bits speaks; else --answer unit=mV"
             )
+        else:  # nothing says that there are codes
+            likely.insert(0, "mV")
     if (
         whole and bits and likely == ["code"] and _PERCENT[0] < top <= _PERCENT[1] and not volts
         and not _codes_said(clues, vref)
@@ -330,48 +428,35 @@ def _unit_by_size(clues: Clues, values: FloatArray, vref: float, bits: int, volt
         likely.append("percent")  # codes of touched strips seldom stay below that
     if likely == ["fraction"] and vref:
         likely.append("V")  # a light touch reads as little
-    if likely == ["mV"] and vref and fits["mV"] < _LITTLE and top <= rare["permille"]:
+    if likely == ["mV"] and vref and in_mv < _LITTLE and top <= 1.0 / OF_VREF["permille"]:
         likely.append("permille")
-    if len(likely) > 1 and vref and bits and (steps := _on_steps(values, vref, bits)) in likely:
-        clues.because(f"readings are in {steps}: all lie on the steps of {bits} bits, which is no chance")
-        return steps
-    if len(likely) > 1:
-        clauses = re.split(r"[,;\n]", "\n".join(clues.table.preamble))
-        clauses = [clause for clause in clauses if not _OF_OTHERS.search(clause)]
-        said = {w.casefold() for w in _UNIT_TOLD.findall("\n".join(clauses)) for w in w if w}
-        named = {"fraction" if w.endswith("vref") else UNITS.get(w, "") for w in said}
-        named |= {unit for words, unit in _UNIT_IN_PROSE if any(map(words.search, clues.table.preamble))}
-        named |= {"fraction"} if any(map(_OVER_VREF.search, clues.table.preamble)) else set()
-        if len(named) == 1 and named <= set(likely):
-            clues.because(f"readings are in {min(named)}, as the log says above them")
-            return named.pop()
-        if "code" in likely and not (said or volts) and _ANALOG_READ.search("\n".join(clues.table.preamble)):
-            clues.because("readings are codes, for analogRead returns these")
-            return "code"
-        told = {int(b) for b in _BITS_TOLD.findall("\n".join(clues.table.preamble))}
-        if "code" in likely and not said and bits in told and not volts:
-            clues.because(f"codes of {bits} bits, as the log says above them")
-            return "code"
-        if (
-            bits
-            and "code" in likely
-            and not (said or volts)
-            and top <= most["code"]
-            and (raw := _raw_said(clues))
-        ):
-            clues.because(f"codes of {bits} bits: they fit these, and {raw!r} says raw")
-            return "code"
-    if len(likely) == 1:
-        of = f", and Vref is {vref * (clues.number('scale') or 1.0):g} V" if vref else ""
-        clues.because(f"readings are in {likely[0]}: they reach {top:g}{of}")
-        return likely[0]
-    if whole and likely and top <= _PERCENT[1]:
-        likely = [*likely, "percent"]
-    clues.ask(
-        "unit", f"readings reach {top:g}{' in whole numbers' if whole else ''}: in which unit?",
-        *(u for u in READING_UNITS if u in (likely or READING_UNITS)),
-    )  # fmt: skip
-    return likely[0] if likely else "V"
+    return likely
+
+
+def _unit_said(clues: Clues, likely: list[str], bits: int, volts: bool, top: float) -> str:
+    """Return the one of several likely units that lines above the readings say; "" where they say none."""
+    clauses = re.split(r"[,;\n]", "\n".join(clues.table.preamble))
+    clauses = [clause for clause in clauses if not _OF_OTHERS.search(clause)]
+    said = {w.casefold() for w in _UNIT_TOLD.findall("\n".join(clauses)) for w in w if w}
+    named = {"fraction" if w.endswith("vref") else UNITS.get(w, "") for w in said}
+    named |= {unit for words, unit in _UNIT_IN_PROSE if any(map(words.search, clues.table.preamble))}
+    named |= {"fraction"} if any(map(_OVER_VREF.search, clues.table.preamble)) else set()
+    if len(named) == 1 and named <= set(likely):
+        clues.because(f"readings are in {min(named)}, as the log says above them")
+        return named.pop()
+    if "code" not in likely or said or volts:
+        return ""
+    if _ANALOG_READ.search("\n".join(clues.table.preamble)):
+        clues.because("readings are codes, for analogRead returns these")
+        return "code"
+    told = {int(b) for b in _BITS_TOLD.findall("\n".join(clues.table.preamble))}
+    if bits in told:
+        clues.because(f"codes of {bits} bits, as the log says above them")
+        return "code"
+    if bits and top <= 2.0**bits - 1.0 and (raw := _raw_said(clues)):
+        clues.because(f"codes of {bits} bits: they fit these, and {raw!r} says raw")
+        return "code"
+    return ""
 
 
 def _tells_bits(clues: Clues, vref: float) -> bool:

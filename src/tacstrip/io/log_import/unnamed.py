@@ -6,19 +6,22 @@ import re
 from dataclasses import replace
 
 from tacstrip.io.log_import import conversion
-from tacstrip.io.log_import.column_blocks import ask_for_block, readings_of_block
+from tacstrip.io.log_import.column_blocks import ask_for_block, by_neighbours, readings_of_block
 from tacstrip.io.log_import.contents import (
     comes_again,
     count_strips,
     counts_up,
     is_numeric,
+    names_strips,
     rises_as_a_clock,
     rises_evenly,
 )
 from tacstrip.io.log_import.ends import strip_too
 from tacstrip.io.log_import.fields import clock_seconds, says_nothing
 from tacstrip.io.log_import.names import (
+    SIDES,
     Meaning,
+    is_strip_word,
     meaning,
     numbered_groups,
 )
@@ -27,6 +30,8 @@ from tacstrip.io.log_import.roles import are_channels
 from tacstrip.io.log_import.table import CLOCK, PART, ROW
 from tacstrip.io.log_import.words import names_of
 
+_OF_SIDES = 3  # strips: a left one, a right one, and one between
+_FEW_STATES = 4  # distinct numbers of a flag
 _MOST_ASKED = 6  # columns, of each of which is asked what it is
 # What a column may be that holds something made of readings, or what is measured beside them.
 _DERIVED = frozenset(names_of("derived"))
@@ -52,12 +57,16 @@ def readings_by_contents(
     if sum(known[n].role != "scan" for n in some) == wide:
         some = [n for n in some if known[n].role != "scan"]
     some = [n for n in some if is_numeric(clues, n) or all(map(says_nothing, clues.table.column(n)))]
+    if len(some) > wide > 1:
+        some = _without_flags(clues, some, wide)
     if len(some) >= wide > 1:
         if len(some) == wide and all(re.fullmatch(r"column \d+", n) for n in some):
             clues.because(f"{wide} columns without names are the strips in their order")
             return readings_of_block(clues, some, known, which)
         block = ask_for_block(clues, "no name says of which strip a column is", some, wide)
         return readings_of_block(clues, block, known, which)
+    if len(left) > many[-1]:
+        left = _without_flags(clues, left, 1)
     if len(left) in many and taken - {""}:
         made = _DERIVED - ({"sum"} if conversion.summed(clues.table.preamble) else set())
         if odd := [n for n in left if made & set(re.findall(r"[a-z]+", n.lower()))]:
@@ -79,6 +88,43 @@ def readings_by_contents(
         text = "or of this one"
     clues.stop()
     raise AssertionError
+
+
+def readings_by_words(clues: Clues, known: dict[str, Meaning], taken: set[str]) -> dict[str, Meaning]:
+    """Return as readings the columns whose names are the same but for one word, if these are as many as strips.
+
+    Of three that are left, right and another, the left one is the first strip; the order of others is asked.
+    """
+    if clues.expected != ("out",) or not clues.sensor or clues.sensor.strips < _OF_SIDES:
+        return {}
+    groups: dict[tuple[str, ...], dict[str, str]] = {}
+    for name in [n for n in known if n not in taken and is_numeric(clues, n)]:
+        words = re.findall(r"[^\W\d_]+|\d+", name.casefold())
+        for n in range(len(words)):
+            groups.setdefault((*words[:n], "", *words[n + 1 :]), {})[words[n]] = name
+    found = [
+        g for rest, g in groups.items() if len(g) == clues.sensor.strips and any(map(is_strip_word, rest))
+    ]
+    if len(found) != 1 or all(w.isdecimal() for w in found[0]):
+        return {}
+    words, block = [*found[0]], [*found[0].values()]
+    if len(block) == _OF_SIDES and any({left, right} < {*words} for left, right in SIDES):
+        left, right = next(pair for pair in SIDES if {*pair} < {*words})
+        block.sort(key=lambda n: (n != found[0][left]) + (n == found[0][right]))
+        clues.because(f"{', '.join(block)}: the strips from the left")
+    else:
+        clues.ask(
+            "readings", f"the strips are called {', '.join(block)}: in which order do they lie, from the first one on?",
+            *by_neighbours(clues, block),
+        )  # fmt: skip
+    return readings_of_block(clues, block, known, "")
+
+
+def _without_flags(clues: Clues, names: list[str], least: int) -> list[str]:
+    """Return columns without those of a few whole numbers, as of states, if at least so many are left."""
+    there = {n: {v for v in clues.values(n) if v is not None} for n in names}
+    left = [n for n, found in there.items() if len(found) > _FEW_STATES or any(v % 1.0 for v in found)]
+    return left if len(left) >= least else names
 
 
 def readings_by_number(clues: Clues, known: dict[str, Meaning], taken: set[str]) -> dict[str, Meaning]:
@@ -151,6 +197,7 @@ def roles_without_names(clues: Clues) -> dict[str, Meaning]:
     found |= {n: meaning(n) for n in labels}
     texts = {n: set(clues.table.column(n)) for n in names}
     which = [n for n in names if are_channels(texts[n])]
+    which = [n for n in which if {meaning(t).channel for t in texts[n]} == {"h", "l"}] or which
     which = [n for n in names if clues.answers.get(n) == "which"] or which
     if sensor and not which and len(names) - len(labels) == sensor.strips and len(clues.expected) == 2:
         which = [n for n in (ROW,) if n in clues.table.names and {*clues.table.column(n)} == {"0", "1"}]
@@ -179,19 +226,8 @@ def roles_without_names(clues: Clues) -> dict[str, Meaning]:
         found |= readings_of_block(clues, rest, found, "".join(which[:1]))
         clues.because(f"{wide} columns without names are the {sensor.strips} strips in their order")
         return found
-    cycles = [n for n in names if comes_again(values[n]) or count_strips(texts[n])]
-    rest = [n for n in names if n not in cycles and n not in rising]
-    told = ROW in clues.table.names or "strip" in {m.role for m in found.values()}
-    placed = len(cycles) == 1 or (not cycles and told)
-    if placed and len(rest) in (1, 2) and (not sensor or len(rest) == channels):
-        found |= dict(
-            zip(rest, (Meaning("reading", c) for c in ("ab" if len(rest) == 2 else ("",))), strict=False)
-        )
-        found |= {n: Meaning("time" if n == rising[-1] or n in clocks else "scan") for n in rising}
-        for name in cycles:
-            found[name] = Meaning("strip")
-            clues.because(f"{name}: whole numbers that come again and again, so they are the strips")
-        return found
+    if found_long := _of_lines_per_strip(clues, found, names, values, rising, clocks, channels):
+        return found_long
     if len(names) > wide > 1 and not labels:
         block = ask_for_block(
             clues, f"the {len(names)} columns have no names", names[names[0] in rising :], wide
@@ -208,3 +244,26 @@ def roles_without_names(clues: Clues) -> dict[str, Meaning]:
     )  # fmt: skip
     clues.stop()
     raise AssertionError
+
+
+def _of_lines_per_strip(
+    clues: Clues, found: dict[str, Meaning], names: list[str], values: dict[str, list[float | None]],
+    rising: list[str], clocks: list[str], channels: int,
+) -> dict[str, Meaning]:  # fmt: skip
+    """Return what columns are where one has the strips in turn, and as many as channels are left; else none."""
+    cycles = [
+        n for n in names
+        if comes_again(values[n]) or count_strips({*clues.table.column(n)}) or names_strips(clues, n)
+    ]  # fmt: skip
+    rest = [n for n in names if n not in cycles and n not in rising]
+    told = ROW in clues.table.names or "strip" in {m.role for m in found.values()}
+    placed = len(cycles) == 1 or (not cycles and told)
+    if not placed or len(rest) not in (1, 2) or (clues.sensor and len(rest) != channels):
+        return {}
+    ends = "ab" if len(rest) == 2 else ("",)
+    found = found | {n: Meaning("reading", c) for n, c in zip(rest, ends, strict=True)}
+    found |= {n: Meaning("time" if n == rising[-1] or n in clocks else "scan") for n in rising}
+    for name in cycles:
+        found[name] = Meaning("strip")
+        clues.because(f"{name}: numbers or names that come again and again, so they are the strips")
+    return found

@@ -19,7 +19,7 @@ from tacstrip.sensor.spec import Sensor
 
 GAP = 0.02  # of L: objects nearer to each other are one
 FEW_STRIPS = 12  # fewer do not resolve every jump
-_LEAST_SIGMA = 5e-4  # of Vref, of noise that few strips tell
+LEAST_SIGMA = 5e-4  # of Vref, of noise that few strips tell
 _EXACT = 1e-5  # of Vref: no reading is taken for more exact
 _NARROW = 0.25  # of the width beside it: a strip that may show one of two objects alone
 _ALARM = 3.09  # deviations of chi square: p = .001
@@ -143,7 +143,7 @@ def _median(values: FloatArray) -> float:
 def noise_level(k: FloatArray, sensor: Sensor) -> float:
     """Return the deviation [Vref] of readings (S, n) that second differences show, and the converter's steps."""
     levels = [reading_noise(values[np.isfinite(values)]) for values in k]
-    least = _LEAST_SIGMA if k.shape[1] < FEW_STRIPS else 0.0
+    least = LEAST_SIGMA if k.shape[1] < FEW_STRIPS else 0.0
     return float(max(np.sqrt(np.mean(np.square(levels))), sensor.adc_step / np.sqrt(12.0), least))
 
 

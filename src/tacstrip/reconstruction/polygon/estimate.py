@@ -5,7 +5,7 @@ The vertices' number is chosen by a criterion, their places by the fit, and the 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -23,6 +23,7 @@ from tacstrip.errors import OptionError
 from tacstrip.reconstruction.implausible import doubt_implausible
 from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
 from tacstrip.reconstruction.on_surface import on_surface, refuse_surface
+from tacstrip.reconstruction.polygon.chi_square import squares_score
 from tacstrip.reconstruction.polygon.convexity import NEAR_ENOUGH, nearest_convex
 from tacstrip.reconstruction.polygon.faulty_channel import contradictory, fit_without, without_one
 from tacstrip.reconstruction.polygon.objects import Asked, reconstruct_object
@@ -34,6 +35,7 @@ from tacstrip.reconstruction.polygon.run import (
     fit_runs,
     gain_of_one,
 )
+from tacstrip.reconstruction.polygon.unknown_noise import noise_beside_jumps
 from tacstrip.reconstruction.polygon.wide_fit import fitted_to_wide_strips
 from tacstrip.reconstruction.posterior.assessment import HELD_STRIPS, Effort, check_effort
 from tacstrip.reconstruction.result import Reconstruction
@@ -47,6 +49,7 @@ from tacstrip.sensor.spec import Sensor
 _AT_ONCE, _PARTS = 16, 4  # scans that the core takes in one call, and calls for each thread at least
 _ABOUT = 0.2  # of an area that is given without its standard deviation
 _TOGETHER = 6.0  # in the criterion: neighbours of a broken strip are broken too in one of 20
+_ALARM = 3.5  # deviations of chi square
 _LEAST_AREA = 1e-4  # of a strip's: smaller ones no reading tells
 
 
@@ -305,6 +308,8 @@ def _contacts(
             corners = again.residual_sums[0] <= again.problem.readings
             if again.selection is not None and (corners or run.outline is None):  # nor does a width
                 run = again
+        if sigma is None and len(readings) > 1:
+            run = _beside_jumps(run, runs_of, sensor, readings)
         run = run if sigma is not None else _at_least_a_step(run, sensor)
         return FittedContact(strips, missing, fitted, readings, margin_mm, vertices, run)
 
@@ -341,6 +346,24 @@ def _known_area(area_mm2: float | tuple[float, float] | None, sensor: Sensor) ->
             f"strip to all of it, and its standard deviation above 0, to {most:.6g} mm2"
         )
     return mean, sigma
+
+
+def _beside_jumps(
+    run: RunFit,
+    runs_of: Callable[[Sequence[Mapping[str, FloatArray]], float | None], list[RunFit]],
+    sensor: Sensor,
+    readings: Mapping[str, FloatArray],
+) -> RunFit:
+    """Return a run, or its fit with less noise, where jumps passed for noise.
+
+    Of one that left more than noise may be, only where the fit explains the readings.
+    """
+    less = noise_beside_jumps(run, sensor, readings)
+    if less is None:
+        return run
+    (again,) = runs_of([readings], less)
+    score = squares_score(again.residual_sums[0], again.problem.readings)
+    return run if again.selection is None or (run.sigma >= MOST_SIGMA and score > _ALARM) else again
 
 
 def _at_least_a_step(run: RunFit, sensor: Sensor) -> RunFit:

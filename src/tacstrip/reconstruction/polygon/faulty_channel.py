@@ -28,7 +28,7 @@ _STAYS, _RAIL = 4.0, 3.0  # deviations: an end is where it was; a reading is non
 # fault and of a second object are then as 90 to 1.
 _ELSEWHERE = 3.0
 _OUTER = 3  # strips at either end
-_MOST_STRIPS = 24  # on more, neighbours tell the noise whatever one channel reads
+MOST_STRIPS = 24  # on more, neighbours tell the noise whatever one channel reads
 _ALARM = 3.5  # deviations of chi square
 _ROUGHLY = 4.0  # of what noise leaves: l and u, whose errors go together, by themselves
 _LEAST_SQUARES = 0.1  # of residuals, a degree of freedom: of fewer than these few by chance
@@ -151,7 +151,7 @@ def without_one(
         Whether the readings' sigma was given.
     """
     n, none = run.problem.x.size, np.zeros_like(run.excluded)
-    if len(run.problem.k) == 1 or run.selection is None or n > _MOST_STRIPS:
+    if len(run.problem.k) == 1 or run.selection is None or n > MOST_STRIPS:
         return run
     if _content(run, sensor, readings, sigma_known):
         return run

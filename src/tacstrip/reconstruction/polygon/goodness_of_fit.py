@@ -118,6 +118,13 @@ def misfit(
             f"the readings are {times:.3g} times as far from the best outline as the noise explains: the contact "
             f"may {_more(run)}be concave{or_two}, or the noise larger than given"
         )
+    if (
+        distribution is None and squares_score(squares, run.problem.readings) > _ALARM
+    ):  # see `noise_beside_jumps`
+        return (
+            f"lines along both ends explain the readings by noise of {100.0 * run.sigma:.2g} % of Vref, no outline of "
+            f"one object does: the contact may {_more(run)}be concave{or_two}; or give the noise"
+        )
     if _autocorrelation_score(squares, pairs, run.problem.readings) > _ALARM:
         return (
             "what the best outline leaves over hangs together from strip to strip: the contact may be concave, "

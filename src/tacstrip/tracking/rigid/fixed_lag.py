@@ -25,7 +25,6 @@ _STEPS, _POSE_STEPS = 6, 8  # of descents for a scan that surprises, of a new po
 _MOST_STEP = 0.1  # pitches that corners and poses move at once
 # Scans that a velocity is taken over, and how much further than between the last two.
 _WAY, _FARTHEST = 5, 3.0
-_RANK = 1e-11  # of the largest variance: what an outline has none in is a motion of it as a whole
 _ALARM = 6.0  # deviations of chi square: of the scans in the window, and of all
 
 
@@ -62,9 +61,16 @@ class Known:
         """Of the corners, of their shape alone (2 N, 2 N) [mm^2]."""
         return np.asarray(self.bound + np.trace(self.bound) * self.wider)
 
+    @property
+    def corner_deviation_mm(self) -> float:
+        """Standard deviation of the corner that is known least [mm]."""
+        return math.sqrt(float(self.covariance.diagonal().reshape(-1, 2).sum(axis=1).max()))
+
     def pose_covariance(self, scan: RigidScans, pose: FloatArray) -> FloatArray:
         """Return that of the pose (3,) of a scan beside these (3, 3)."""
-        rest = np.asarray(np.linalg.pinv(self.covariance, _RANK, hermitian=True), dtype=np.float64)
+        # What is left of a motion as a whole in the covariance must not hold the pose.
+        inner = np.linalg.qr(rigid_motions(self.corners), mode="complete")[0][:, 3:]
+        rest = np.asarray(inner @ np.linalg.inv(inner.T @ self.covariance @ inner) @ inner.T)
         found = information(scan, self.corners, pose[None])
         return np.asarray(covariances(found, self.corners, pose[None], beside=rest)[1][0])
 

@@ -10,7 +10,7 @@ import shapely
 
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.core.rigid import RigidScans, equations, fit_poses, loss
-from tacstrip.geometry.pose import in_frame, placed
+from tacstrip.geometry.pose import placed
 from tacstrip.reconstruction.polygon.goodness_of_fit import chi_square_score
 from tacstrip.tracking.rigid.corners import FIRST, Fit, bad_scans, poses_all_round
 from tacstrip.tracking.rigid.offsets import Offsets
@@ -116,10 +116,10 @@ def carried(rival: Fit, poses: FloatArray) -> FloatArray:
     turns = np.angle(np.exp(1j * (rival.poses[:, 2] - poses[:, 2])))
     turn = turns[0] + np.median(np.angle(np.exp(1j * (turns - turns[0]))))
     middle = rival.corners.mean(axis=0)
-    seen = [
-        in_frame(placed(middle[None], own), pose)[0] for own, pose in zip(rival.poses, poses, strict=True)
-    ]
-    return placed(rival.corners - middle, np.array([*np.median(seen, axis=0), turn]))
+    own, there = np.exp(1j * rival.poses[:, 2]), rival.poses[:, :2] - poses[:, :2]
+    apart = (own * complex(*middle) + there @ (1.0, 1j)) * np.exp(-1j * poses[:, 2])
+    seen = np.median(apart.real), np.median(apart.imag)
+    return placed(rival.corners - middle, np.array([*seen, turn]))
 
 
 def with_all_poses(scans: RigidScans, chosen: IntArray, fit: Fit) -> Fit:

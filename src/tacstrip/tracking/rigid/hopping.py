@@ -32,7 +32,9 @@ _ROUGH, _END = 0.07, 0.1  # see `fit_path`
 _ANGLES = 2.0 * np.pi * np.arange(RADII) / RADII
 
 
-def hopped(scans: RigidScans, explains: Callable[[Fit], bool]) -> Fit:
+def hopped(
+    scans: RigidScans, explains: Callable[[Fit], bool], known: FloatArray | None = None, hops: int = _HOPS
+) -> Fit:
     """Return the best fit of scans whose poses are independent; the same for the same scans.
 
     Parameters
@@ -41,6 +43,10 @@ def hopped(scans: RigidScans, explains: Callable[[Fit], bool]) -> Fit:
         Of one object.
     explains
         Whether a fit leaves no more than noise.
+    known
+        Corners (N, 2) [mm] of an outline that explains some of the scans, in place of circles to begin with.
+    hops
+        Tries from the best so far, at most.
     """
     random, free = np.random.default_rng(0), np.eye(len(scans.k))
     round_ = np.full(RADII, float(np.sqrt(np.median(centres(scans)[1]) / np.pi)))
@@ -58,16 +64,21 @@ def hopped(scans: RigidScans, explains: Callable[[Fit], bool]) -> Fit:
             least = min(least, again[-1].criterion(scans))
         return min(again, key=lambda f: f.criterion(scans))
 
-    best, least, idle = None, np.inf, 0
-    for start in range(_STARTS + _HOPS):
-        if best is None or start < _STARTS:
+    best, least, idle, starts = None, np.inf, 0, _STARTS
+    if known is not None:
+        rests = starts_all_round(scans, known, _TURNS)[:, 0]
+        radius = float(radii_of(known).mean())
+        best = _posed_again(scans, Fit(known, rests, np.full(len(rests), np.inf)), _SHARP * radius, np.inf)
+        least, idle, starts = best.criterion(scans), _IDLE, 0
+    for start in range(starts + hops):
+        if best is None or start < starts:
             new = tried(_bent(round_, _BENT, random), _TOLERANCES, least)
         elif idle >= _IDLE and explains(best):
             break
         else:
             new = tried(_bent(radii_of(best.corners), _BENT_AGAIN, random), _AGAIN, least)
         better = new.criterion(scans) < least - 0.5
-        idle = 0 if better or start < _STARTS else idle + 1
+        idle = 0 if better or start < starts else idle + 1
         if better:
             best, least = new, new.criterion(scans)
     assert best is not None

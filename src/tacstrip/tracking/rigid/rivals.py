@@ -6,31 +6,30 @@ import math
 
 import numpy as np
 import shapely
+import shapely.affinity
 
 from tacstrip.arrays import FloatArray
-from tacstrip.core.rigid import LEAST, RigidScans
+from tacstrip.core.rigid import RigidScans
 from tacstrip.tracking.rigid.corners import (
     Fit,
     corners_cut,
     edges_and_turns,
     fitted,
     posed,
-    poses_around,
     reflex,
     settled,
 )
 from tacstrip.tracking.rigid.covariance import covariances, information, rigid_motions
 from tacstrip.tracking.rigid.found import Found, carried
 from tacstrip.tracking.rigid.offsets import with_offsets
+from tacstrip.tracking.rigid.pose_spread import beyond_the_bound
 from tacstrip.tracking.rigid.search import freer_spline
 
-_ANOTHER = 0.5  # squared deviations from the others: a place of its own where a pose may rest
-_FREE = 12.0  # pitches^-2: what strips that touch tell of a pose anywhere within a gap between them
-_BLOCK = 256  # scans whose rests are compared at a time: their readings are taken once for each
 _STEPS, _SETTLED = 10, 3  # of each descent from a corner cut off, and how many of these are settled
 _GAIN = 1.0  # of chi square, by an edge that is open: noise gives its two numbers two on average
 # Of the extent, and radians: edges and corners that stand for themselves.
 _CLEAR_EDGE, _CLEAR_TURN = 0.12, 0.26
+_TURNS = ((math.pi, 73), (0.09, 19), (0.01, 11))  # radians, to either side, and how many: coarse to fine
 _TURNED = 0.5  # radians: a rival is not another pose, but another corner called the first
 
 
@@ -63,11 +62,10 @@ def beside_rivals(scans: RigidScans, found: Found, shape: FloatArray, deviation:
 def poses_beside_rivals(scans: RigidScans, found: Found, covariances: FloatArray) -> FloatArray:
     """Return covariances (T, 3, 3) of the fit's poses, `covariances` where the readings leave each but one place.
 
-    Likewise of mixtures: about where else a scan's pose may rest, beside a kink where a corner passes a strip, and
-    about the poses of rivals.
+    Free poses with the spread of all that explain their scan, and about the poses of rivals, likewise of mixtures.
     """
     fit = found.fit
-    every = covariances if fit.basis is not None else covariances + about_other_rests(scans, fit)
+    every = covariances if fit.basis is not None else covariances + beyond_the_bound(scans, fit)
     own, middle = fit.corners - fit.corners.mean(axis=0), fit.corners.mean(axis=0)
     total, spread = 1.0, np.zeros_like(covariances)
     for rival, worse_by in found.rivals:
@@ -105,24 +103,6 @@ def with_a_corner_cut(scans: RigidScans, fit: Fit, least_mm: float) -> Fit | Non
     return None
 
 
-def unread_tip_mm(scans: RigidScans, fit: Fit) -> float:
-    """Return the most of a convex outline's corner that no strip reads in any scan [mm]; it may be cut off there.
-
-    That is from the corner to the line between the places on its edges that are read nearest to it.
-    """
-    corners, after = fit.corners, np.roll(fit.corners, -1, axis=0) - fit.corners
-    x = fit.poses[:, :1] + np.cos(fit.poses[:, 2:]) * corners[:, 0] - np.sin(fit.poses[:, 2:]) * corners[:, 1]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = (scans.x_mm - x[..., None]) / (np.roll(x, -1, axis=1) - x)[..., None]  # of an edge (T, N, n)
-    touched = np.asarray(np.isfinite(scans.k).any(axis=1))
-    read = touched[:, None] & (share >= 0.0) & (share <= 1.0)
-    begins, ends = (np.where(read, s, 1.0).min(axis=(0, 2)) for s in (share, 1.0 - share))
-    one, other = begins[:, None] * after, np.roll(-ends[:, None] * after, 1, axis=0)  # from each corner
-    across = one - other
-    twice = np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])
-    return float((twice / np.maximum(np.hypot(*across.T), 1e-9)).max())
-
-
 def notch_gain(scans: RigidScans, fit: Fit, far_mm: float) -> float:
     """Return the least that chi square grows by as a notch's corner moves on along one of its edges by so much.
 
@@ -136,44 +116,6 @@ def notch_gain(scans: RigidScans, fit: Fit, far_mm: float) -> float:
             deeper[i] += edge * (far_mm / max(math.hypot(*edge), 1e-9))
             least = min(least, posed(scans, Fit(deeper, fit.poses, fit.costs)).cost - fit.cost)
     return least
-
-
-def about_other_rests(scans: RigidScans, fit: Fit) -> FloatArray:
-    """Return what a scan's pose resting elsewhere adds to its covariance (T, 3, 3).
-
-    A mixture of normal distributions, each with the odds of its cost and the volume of its covariance (Laplace): beside
-    a kink that holds a corner exactly there may lie a valley that costs more, and of which far more is likely.
-    """
-    every = np.arange(len(fit.poses))
-    some = [every[i : i + _BLOCK] for i in range(0, len(every), _BLOCK)]
-    return np.concatenate([_about_other_rests(scans.of(own), fit.of(own)) for own in some])
-
-
-def _about_other_rests(scans: RigidScans, fit: Fit) -> FloatArray:
-    poses, costs = poses_around(scans, fit)
-    order = np.argsort(costs, axis=1, kind="stable")
-    rows = np.arange(len(costs))[:, None]
-    poses = np.concatenate(
-        [fit.poses[:, None], poses[rows, order]], axis=1
-    )  # (T, K, 3): the fit's, then the best
-    costs = np.concatenate([fit.costs[:, None], costs[rows, order]], axis=1)
-    total, count = costs.shape
-    again = scans.of(np.repeat(np.arange(total), count))
-    known = information(again, fit.corners, poses.reshape(-1, 3)).pose.reshape(total, count, 3, 3)
-    known = known + np.diag(_FREE * np.array([1.0, 1.0, 0.0]) / scans.sensor.pitch_mm**2) + LEAST * np.eye(3)
-    steps = poses[:, :, None] - poses[:, None]  # (T, K, K, 3)
-    apart = np.einsum("tkli,tkij,tklj->tkl", steps, known, steps) > _ANOTHER
-    apart |= apart.transpose(0, 2, 1)
-    kept = np.zeros(costs.shape, dtype=bool)
-    for i in range(count):
-        kept[:, i] = (apart[:, i] | ~kept).all(axis=1)
-    covariance = np.linalg.inv(known)
-    volume = np.sqrt(np.linalg.det(covariance))
-    odds = np.where(kept, volume * np.exp(-0.5 * np.maximum(costs - costs[:, :1], 0.0)), 0.0)
-    odds /= odds.sum(axis=1, keepdims=True)
-    mixed = np.einsum("tk,tkij->tij", odds, covariance + _squares(poses - poses[:, :1]))
-    value, vector = np.linalg.eigh(mixed - covariance[:, 0])  # a region is no smaller for what else may be
-    return np.asarray((vector * np.maximum(value, 0.0)[:, None]) @ vector.transpose(0, 2, 1))
 
 
 def _squares(steps: FloatArray) -> FloatArray:
@@ -192,3 +134,21 @@ def onto(corners: FloatArray, to: FloatArray) -> tuple[int, FloatArray, FloatArr
         if far < least:
             best, least = (first, turn, a @ turn.T), far
     return best
+
+
+def apart_mm(one: FloatArray, other: FloatArray) -> float:
+    """Return how far two outlines (N, 2) and (M, 2) [mm] are from each other, laid on each other: Hausdorff's distance.
+
+    About their centroids, at the turn where it is least.
+    """
+    own, fixed = (shapely.Polygon(o).buffer(0) for o in (one, other))
+    centred = one - np.array(own.centroid.coords[0])
+    fixed = shapely.affinity.translate(fixed, -fixed.centroid.x, -fixed.centroid.y)
+    turn, least = 0.0, math.inf
+    for reach, count in _TURNS:
+        angles = turn + np.linspace(-reach, reach, count)
+        cos, sin = np.cos(angles), np.sin(angles)
+        turned = centred @ np.stack([np.stack([cos, sin], axis=1), np.stack([-sin, cos], axis=1)], axis=1)
+        far = shapely.hausdorff_distance(shapely.polygons(turned), fixed)
+        turn, least = float(angles[far.argmin()]), min(least, float(far.min()))
+    return least

@@ -10,6 +10,7 @@ import shapely
 
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.core.rigid import RigidScans
+from tacstrip.geometry.moments import area
 from tacstrip.tracking.rigid.corners import (
     FIRST,
     Fit,
@@ -84,13 +85,18 @@ def search(
         return content(taken_off(scans, one.offsets), one.fit, distribution)
 
     def without_path() -> Found:
-        fit = hopped_fit(scans, distribution) if erratic and few else best_without_path(scans)
-        return free or replace(_compared(scans, [fit], distribution), starts=starts)
+        if free is not None:
+            return free
+        known = None if begun is None else begun.fit.corners
+        fit = hopped_fit(scans, distribution, known) if erratic and few else best_without_path(scans)
+        return replace(_compared(scans, [fit], distribution), starts=starts)
 
+    if erratic and few:
+        return without_path()
     if found is None:
         if erratic:
             free = without_path()
-            if few or explained(free):
+            if explained(free):
                 return free
         turns = starts.best(TURNS, KEPT)
         if needs_smooth_motion(scans):
@@ -379,6 +385,11 @@ def _same(a: Fit, b: Fit) -> bool:
         return False
     longest = [float(np.hypot(*(o[:, None] - o).T).max()) for o in (a.corners, b.corners)]
     if abs(longest[1] - longest[0]) > 2.0 * _ALIKE * longest[1]:  # whichever way they lie
+        return False
+    areas = [abs(area(o.corners)) for o in (a, b)]
+    far = _ALIKE * math.sqrt(areas[1])
+    around = max(float(np.hypot(*(np.roll(o.corners, -1, axis=0) - o.corners).T).sum()) for o in (a, b))
+    if abs(areas[1] - areas[0]) > 2.0 * far * around:
         return False
     p, q = (shapely.Polygon(o).buffer(0) for o in (carried(a, b.poses), b.corners))
     return bool(p.hausdorff_distance(q) < _ALIKE * math.sqrt(q.area))

@@ -26,6 +26,10 @@ _SATISFIED = 1.15  # of the freedom: a chi square that ends the search
 _REFERENCES = 3  # of a search without a path: scans that it begins with ...
 _EASED = (0.04, 0.025, 0.016)  # ... and the tolerance of each round from one of them
 _RANDOM_SCANS = 40
+_HOPPED = (
+    (24, 12),
+    (DENSE, 4),
+)  # scans that hops explain, first of few and then of more, and how many hops each
 
 
 def best_without_path(scans: RigidScans) -> Fit:
@@ -59,11 +63,22 @@ def best_without_path(scans: RigidScans) -> Fit:
     return best if best.cost > WORTH_SETTLING * best.freedom(scans) else unstuck(scans, best)
 
 
-def hopped_fit(scans: RigidScans, distribution: str) -> Fit:
-    """Return a fit that takes poses for independent, of one signature of few strips."""
-    chosen = np.unique(np.linspace(0, len(scans.k) - 1, min(len(scans.k), DENSE)).astype(int))
-    few = scans.of(chosen)
-    fit = hopped(few, lambda f: content(few, f, distribution))
+def hopped_fit(scans: RigidScans, distribution: str, known: FloatArray | None = None) -> Fit:
+    """Return a fit that takes poses for independent, of one signature of few strips.
+
+    Some of the scans tell an outline in half the time that all of them take; then hops go on from it with more.
+    `known`: corners (N, 2) [mm] of what was found before some readings were left out, to go on from at once.
+    """
+    corners = known
+    for count, hops in _HOPPED if known is None else _HOPPED[1:]:
+        chosen = np.unique(np.linspace(0, len(scans.k) - 1, min(len(scans.k), count)).astype(int))
+        few = scans.of(chosen)
+
+        def explains(fit: Fit, few: RigidScans = few) -> bool:
+            return content(few, fit, distribution)
+
+        fit = hopped(few, explains, corners, hops)
+        corners = fit.corners
     if len(chosen) < len(scans.k):
         poses = poses_all_round(scans, fit.corners, 0.05 * scans.sensor.pitch_mm)[0][:, 0]
         fit = settled(scans, fitted(scans, fit.corners, poses))

@@ -20,6 +20,7 @@ export class Surface {
   constructor(svg) {
     this.svg = svg;
     this.layers = {};
+    this.fusedOthers = []; // outlines that explain all scans as well
     for (const name of ["skin", "profiles", "truths", "alternatives", "shapes", "edges", "fused", "regions", "corners", "names", "handles"]) {
       this.layers[name] = make("g", {}, svg);
     }
@@ -110,6 +111,7 @@ export class Surface {
       e.setAttribute("vector-effect", fixed);
       e.setAttribute("d", this.path(o.vertices));
     });
+    if (frame.tracks) this.fusedOthers = frame.tracks.flatMap((o) => o.alternatives.map(({ vertices }) => ({ vertices, fused: true })));
     // A piece that another one hides in part: its edges one by one, the hidden ones dashed.
     const edges = found.filter((o) => o.hidden_edges).flatMap((o) =>
       o.hidden_edges.map((hidden, i) => [hidden, o.vertices[i], o.vertices[(i + 1) % o.vertices.length]]));
@@ -119,8 +121,8 @@ export class Surface {
       e.setAttribute("d", `M${x} ${this.y(y)}L${u} ${this.y(v)}`);
     });
     const others = found.flatMap((o) => [...(o.alternatives || []).flatMap((a) => [a, ...(a.others || []).map((vertices) => ({ vertices }))]), ...(o.bounds || []).map((vertices) => ({ vertices }))]);
-    fill(this.layers.alternatives, "path", others, (e, other) => {
-      e.setAttribute("class", "alternative");
+    fill(this.layers.alternatives, "path", [...others, ...this.fusedOthers], (e, other) => {
+      e.setAttribute("class", other.fused ? "alternative of-all" : "alternative");
       e.setAttribute("vector-effect", fixed);
       e.setAttribute("d", this.path(other.vertices));
     });
