@@ -265,3 +265,13 @@ def test_numbers_apart_below_the_rows_cost_no_scan() -> None:
         {"strip_base": "0"},
     )
     _right(found, [i for i, scan in enumerate(SCANS) if any(scan)])
+
+
+@pytest.mark.parametrize("word", ["sensor", "channel", "taxel", "electrode", "probe"])
+def test_a_logger_that_numbers_its_own_part_hides_no_strip(word: str) -> None:
+    """Which of two numbers says how many there are hung on the order of a set, another in each run."""
+    text = "".join(
+        f"[12:{i:02}:10][D][{word}:094]: 'Skin strip {s}': Sending state {1.0 + 0.1 * s + 0.01 * i:.3f} V, 3 decimals\n"
+        for i in N for s in (1, 2, 3)
+    )  # fmt: skip
+    assert {word, "strip"} <= {*of_text(text, "log.txt").names}

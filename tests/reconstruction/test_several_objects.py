@@ -111,6 +111,20 @@ def test_a_reading_left_out_that_moves_one_end_alone_may_be_a_second_object_s() 
     assert found.status == "doubtful", found
 
 
+@pytest.mark.parametrize("told", [True, False])
+@pytest.mark.parametrize(("turned", "error"), [(0.0, 0.001), (0.0, 0.005), (5.0, 0.002)])
+def test_a_leg_on_the_outermost_strip_is_not_taken_for_a_faulty_channel(
+    turned: float, error: float, told: bool
+) -> None:
+    """The other end goes straight on there; a fault, which moves both, would hardly leave it so."""
+    sensor = ts.Sensor(construction="crs-crs", strips=16, pitch_mm=6.0, length_mm=120.0)
+    leg = Polygon([(15, 50), (72.5, 50), (72.5, 15), (78, 15), (78, 70), (15, 70)])
+    shape = affinity.rotate(leg, turned, origin=(75.0, 50.0))
+    found = _fitted(shape, told=told, sensor=sensor, noise=ts.Noise(positional=error))
+    assert found.status == "doubtful"
+    assert not found.faulty
+
+
 @pytest.mark.parametrize("strip", [3, 4, 6])
 def test_a_stem_on_one_strip_is_not_taken_for_two_faulty_channels(strip: int) -> None:
     sensor = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=8.0, length_mm=90.0)
