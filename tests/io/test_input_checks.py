@@ -164,6 +164,10 @@ def test_python_is_warned_of_what_the_command_line_says(tmp_path: Path) -> None:
     assert ["empty where the strip's other" in str(w.message) for w in told] == [True, False]
     assert "are they over Vref?" in str(told[1].message)
     assert {w.filename for w in told} == {__file__}
+    in_cm = ts.Sensor(construction="crs-crs", strips=2, pitch_mm=0.4, length_mm=12.0, vref_volt=0.5)
+    with pytest.warns(ts.ReadingWarning) as told:
+        ts.read_readings(file, in_cm)
+    assert "mm, not cm" in str(told[0].message)
 
 
 def test_a_reading_beyond_vref_by_rounding_is_vref(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from tacstrip.arguments import takes
 from tacstrip.errors import ReadingWarning
-from tacstrip.io.input_checks import readings_suspicions
+from tacstrip.io.input_checks import readings_suspicions, unlikely_lengths
 from tacstrip.io.readings import Frame, read_unchecked
 from tacstrip.scan import Scan
 from tacstrip.sensor.layers import AnySensor, LayeredSensor
@@ -36,7 +36,8 @@ def read_readings(path: str | Path | Frame, sensor: AnySensor) -> list[Scan]:
     -----
     ReadingWarning
         What was read is probably not what was meant: volts that look like fractions of Vref or like codes of another
-        converter, v_h and v_l exchanged, lines that are cut, strips with one reading of two.
+        converter, v_h and v_l exchanged, lines that are cut, strips with one reading of two; a sensor in metres or
+        centimetres.
 
     Raises
     ------
@@ -55,7 +56,7 @@ def read_readings(path: str | Path | Frame, sensor: AnySensor) -> list[Scan]:
     array([0.5, nan])
     """
     scans = read_unchecked(path, sensor)
-    for text in readings_suspicions(path, sensor, scans, scale=True):
+    for text in (unlikely_lengths(sensor), *readings_suspicions(path, sensor, scans, scale=True)):
         if text:
             warnings.warn(text, ReadingWarning, stacklevel=3)  # at the caller of what `takes` makes of this
     return scans

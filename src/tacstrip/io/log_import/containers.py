@@ -88,6 +88,9 @@ def read_table(path: str | Path, sheet: str | None = None) -> Table:
                 return _of_workbook(file, _open_document(file), sheet)
             case ".mat" if not _is_text(file):
                 return _of_archive(_matrices(file), path)
+            case ".mcap" if not _is_text(file):
+                remedy = f"`tacstrip convert {path} -o readings.csv` makes readings of it"
+                raise ReadingError(f"{path}: is a recording; {remedy}")
             case ".xls" | ".h5" | ".hdf5" if not _is_text(file):
                 raise ReadingError(f"{path}: not a form that is read here; export it as CSV")
             case _:
