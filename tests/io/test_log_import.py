@@ -23,6 +23,7 @@ from tacstrip.io.log_import.questions import Unanswered
 from tacstrip.io.log_import.scans import scans
 from tacstrip.io.log_import.table import Table
 from tacstrip.io.log_import.text import of_text
+from tacstrip.io.readings import read_unchecked
 
 RUBBER = ts.Sensor(
     construction="crs-crs", strips=5, pitch_mm=10.0, length_mm=50.0, vref_volt=5.0, adc_bits=10
@@ -540,7 +541,7 @@ def test_what_looks_like_another_form_is_not_taken_for_it(
     words = ["import", str(log), str(spec), "-o", str(out), "--answer", "unit=code", "--answer", "crc=skip"]
     done = CliRunner().invoke(cli, words if ",crc" in log.read_text() else words[:-2])
     assert done.exit_code == 0, done.output
-    read = ts.read_readings(out, DIGITS)
+    read = read_unchecked(out, DIGITS)  # for codes so low are probably of another converter
     np.testing.assert_allclose([scan["k"] for scan in read], COUNTS / 65535.0, atol=1e-5)
 
 
@@ -596,7 +597,8 @@ def test_a_wire_that_is_off_leaves_its_cells_empty_but_no_recording(
     told = run("out.csv")
     assert told.exit_code == 0, told.output
     assert "2:v_h is empty" in told.output
-    made = ts.read_readings(tmp_path / "out.csv", sensor)
+    with pytest.warns(ts.ReadingWarning, match="2:v_h is empty"):
+        made = ts.read_readings(tmp_path / "out.csv", sensor)
     for i in SCANS:
         assert np.isnan(made[i]["kh"][2])
         np.testing.assert_allclose(made[i]["kl"], K["kl"][i], atol=1e-3)
