@@ -14,7 +14,7 @@ import tacstrip as ts
 from tacstrip.io.log_import.containers import read_table
 from tacstrip.io.log_import.decoding import decoded
 from tacstrip.io.log_import.fields import clock_seconds
-from tacstrip.io.log_import.guess import propose
+from tacstrip.io.log_import.guess import Proposal, propose
 from tacstrip.io.log_import.questions import Unanswered
 from tacstrip.io.log_import.text import of_text
 
@@ -46,7 +46,7 @@ def _read(
     )
 
 
-def _right(found, kept: list[int] | None = None, *, timed: bool = True) -> tuple[str, ...]:  # type: ignore[no-untyped-def]
+def _right(found: Proposal, kept: list[int] | None = None, *, timed: bool = True) -> tuple[str, ...]:
     rows = [*N] if kept is None else kept
     scale = {"mV": 1e-3}.get(found.mapping.unit, 1.0)
     np.testing.assert_allclose(scale * np.stack([s.values for s in found.scans]), TRUTH[rows], atol=6e-4)

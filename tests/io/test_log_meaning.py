@@ -135,9 +135,7 @@ def test_labels_in_angle_brackets_tell_the_strips_and_not_the_inputs() -> None:
     np.testing.assert_allclose(read("\n".join([",".join(["Time (s)", *names]), *rows])), BOTH, atol=1e-3)
 
 
-def test_dated_lines_that_are_not_in_the_order_of_time_are_put_in_it_and_those_that_stand_twice_are_left_out() -> (
-    None
-):
+def test_dated_lines_are_put_in_the_order_of_time_and_left_out_where_they_stand_twice() -> None:
     said = lines(lambda n, s: f"2026-03-04 10:00:{n:02d}.000,{s},{HIGH[n, s]:.3f},{LOW[n, s]:.3f}")
     for n in range(3, len(said) - 9, 6):
         said[n], said[n + 4] = said[n + 4], said[n]

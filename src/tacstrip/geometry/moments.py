@@ -116,9 +116,9 @@ def deviations(vertices: FloatArray, covariance: FloatArray, uniform: Sequence[i
 
 
 def axis_deviation(turn: float) -> float:
-    """Return the deviation of an axis [rad], `turn` by what 1.96 of it to either side hold.
+    """Return the standard deviation of an axis [rad]: `turn`, or that of an unknown axis if its 95 % region is wider.
 
-    A region wider than that of an axis that can lie anyhow is of two axes at right angles: it holds both.
+    For such a region is of two axes at right angles, and has to hold both.
     """
     return turn if turn < LEVEL * 0.5 * math.pi / _NORMAL else UNKNOWN_ANGLE
 

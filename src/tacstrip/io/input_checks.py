@@ -144,7 +144,7 @@ def readings_suspicions(
     one_signature: bool = False,
     scale: bool = False,
 ) -> list[str]:
-    """Return warnings, each or empty, where readings are probably not what was meant.
+    """Say where readings are probably not what was meant.
 
     Parameters
     ----------
@@ -156,6 +156,11 @@ def readings_suspicions(
         Only one signature is wanted: that the other is missing is no fault.
     scale
         Look for readings of another scale, too; where outlines are found, they tell that better (`doubt_scale`).
+
+    Returns
+    -------
+    list of str
+        One a check, "" where nothing is to be told.
     """
     file = path if isinstance(path, str | Path) else "the table"
     unit, names = unit_of(sensor), scans[0].signatures

@@ -253,7 +253,8 @@ class LayeredSensor(Drawn):
         first = self.layers[0].sensor
         lines = ["# A resistive hybrid tactile sensor of two layers, for tacstrip. Millimetres and volts."]
         lines.append(_line("format", FORMAT))
-        lines += [_line(k, v) for k in _SHARED if (v := getattr(first, k)) is not None]
+        shared = {k: v for k in _SHARED if (v := getattr(first, k)) is not None}
+        lines += [_line(k, v) for k, v in shared.items() if (k, v) != ("strip_base", 0)]  # the default
         for layer in self.layers:
             lines += ["", "[[layer]]"]
             for key in KEYS:

@@ -224,7 +224,7 @@ class ReadingsSource:
     Raises
     ------
     ReadingError
-        As of `read_unchecked`.
+        As of `tacstrip.read_readings`.
 
     Examples
     --------

@@ -27,10 +27,9 @@ def track_collection(tracks: Sequence[Track]) -> dict[str, Any]:
     dict
         The geometry is the outline on the sensor in the first scan that shows it, null where there is none. Properties:
         id, status, advice, area_mm2 and its sigma, outline_mm in the object's frame, vertex_sigma_mm, unseen_corner_mm,
-        alternatives,
-        motion, offsets over Vref, and poses: of every scan that shows it scan, time_s, x_mm, y_mm, angle_rad and their
-        sigmas, centroid_mm of the outline on the sensor, and velocity; where no rigid outline explains the scans also
-        `outline_mm` of that scan by itself.
+        alternatives, motion, offsets over Vref, and poses: of every scan that shows it scan, time_s, x_mm, y_mm,
+        angle_rad and their sigmas, centroid_mm of the outline on the sensor, and velocity; where no rigid outline
+        explains the scans also `outline_mm` of that scan by itself.
 
     Examples
     --------

@@ -275,9 +275,8 @@ class LiveContact:
         self._bad: list[FloatArray] = []
         self._proof, self._since, self._alarm = 0, 0, ""
         self._met: list[LiveContact] = []  # that it shares strips with
-        self._alike = self._unlike = (
-            False  # it may be one of them; and then its shape, or scans, may not be its own
-        )
+        # It may be one of them; and then its shape, or scans, may not be its own.
+        self._alike = self._unlike = False
         self._doubted = False  # the shape explains no more what comes; a search tells whether another does
 
     @property

@@ -45,9 +45,8 @@ _OF_CONTACT = re.compile(
     rf"|{any_of('which')}(?=\s*(?:[,;.!]|\Z)))",
     re.IGNORECASE,
 )
-_PROCESS = re.compile(
-    r"\A.*?\w\[\d+\]:\s*"
-)  # of a system's log, with the time: behind it, the message stands
+# Of a system's log, with the time: behind it, the message stands.
+_PROCESS = re.compile(r"\A.*?\w\[\d+\]:\s*")
 _STAMP = rf"\A\s*[\[(\"']?{STAMP}[\])\"']?\s*(?:->|=>|[>|:,;])?\s*"  # what a monitor puts before a line
 _FEW_WORDS = 3  # of fewer, no change is told
 _OFTEN = 0.1  # of the lines: what stands on more is of the log's form

@@ -212,7 +212,7 @@ def _find(clues: Clues, known: dict[str, Meaning]) -> Columns:
         readings = {n: m for n, m in readings.items() if m.strip is not None}
     if "readings" in clues.answers:
         readings = readings_of_block(clues, answered_block(clues), known, which)
-    if not strip and not wide and "readings" not in clues.answers:
+    elif not strip and not wide:
         readings = readings_by_words(clues, known, {time, scan, which, *given}) or readings
     if not readings and not strip:
         readings = readings_by_number(clues, known, {time, scan, which})

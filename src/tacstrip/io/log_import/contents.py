@@ -49,7 +49,7 @@ def names_strips(clues: Clues, name: str) -> bool:
     if (
         len(words) != strips
         or strips < _FEW_SCANS
-        or any(re.search(r"\d", w) or not _WORD.search(w) for w in words)
+        or any(re.search(r"[\d,]", w) or not _WORD.search(w) for w in words)
     ):
         return False
     if any(m.strip is not None or m.channel for m in meanings(sorted(words)).values()):

@@ -24,9 +24,9 @@ _EASTERN = re.compile(
     r"|als\u00f3|fels\u0151|u\u0142amek|wy\u0142\u0105cz\w*|pomiar\u00f3w|pr\u00f3bka)\b",
     re.IGNORECASE,
 )
-_WITHIN = re.compile(
+_WITHIN = re.compile(  # a mark in a word
     r"(?<=[^\W\d_])[^\w\s\0-\x7f\u2019\u00b7\xad](?=[^\W\d_])|(?<=[^\W\d_])[\xb2\xb3\xb9](?=[^\W\d_])"
-)  # a mark in a word
+)
 _WORDS_KNOWN = 2  # of those that logs have: fewer may be there by chance
 _FEW_GARBLED, _GARBLED_LINES = 3, 0.05  # places with zeros, and part of the lines: of more, a file is no text
 

@@ -62,9 +62,8 @@ def raise_doubts(clues: Clues, mapping: ColumnMapping) -> None:
             continue
         fields = clues.table.column(name)
         at = dict(zip(clues.table.lines, fields, strict=True))
-        if (
-            len({at[line] for line, *_ in _readings(clues, mapping)}) > 1
-        ):  # else it says where nothing touches
+        # One that only says where nothing touches is the same in all lines with readings.
+        if len({at[line] for line, *_ in _readings(clues, mapping)}) > 1:
             line = clues.table.lines[next(n for n, f in enumerate(fields) if f != fields[0])]
             clues.ask(
                 name,

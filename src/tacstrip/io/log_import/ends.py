@@ -52,9 +52,8 @@ def in_one_unit(clues: Clues, readings: dict[str, Meaning]) -> dict[str, Meaning
         return readings
     for key, name in first.items():
         a, b = (np.array([np.nan if v is None else v for v in clues.values(n)]) for n in (name, second[key]))
-        ratio = (a / b)[
-            np.isfinite(a) & np.isfinite(b) & (np.abs(b) > 0.1 * np.nanmax(np.abs(b), initial=0.0))
-        ]
+        told = np.isfinite(a) & np.isfinite(b) & (np.abs(b) > 0.1 * np.nanmax(np.abs(b), initial=0.0))
+        ratio = a[told] / b[told]
         if len(ratio) and np.ptp(ratio) > _ALIKE * abs(float(np.median(ratio))):
             return readings
     volts = first if one in IN_VOLTS else second if other in IN_VOLTS else first

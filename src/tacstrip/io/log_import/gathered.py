@@ -199,9 +199,8 @@ class _Gathering:
         self.doubts: list[str] = []
         self.void: list[_Void] = []
         self.timed: list[_Void] = []  # of lines that only have a time, as a cut one may
-        self.heading: dict[
-            str, int
-        ] = {}  # labels of a scan below which no record has come yet, and their lines
+        # Labels of a scan below which no record has come yet, and their lines.
+        self.heading: dict[str, int] = {}
         self.labels: dict[str, str] = {}
         self.empty: set[int] = set()
         self.listed: list[str] = []  # strips that every scan lists

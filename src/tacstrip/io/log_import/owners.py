@@ -8,7 +8,7 @@ from collections import Counter
 from dataclasses import replace
 
 from tacstrip.io.log_import.fields import says_nothing
-from tacstrip.io.log_import.names import meaning
+from tacstrip.io.log_import.names import SIDES, meaning
 from tacstrip.io.log_import.strays import numbered
 from tacstrip.io.log_import.table import Table
 
@@ -17,10 +17,7 @@ _LABEL = re.compile(r"[\W_]*((?:[^\W\d_][\w'-]*)(?:[ ._#-]{1,3}\w+){0,4})[\W_]*"
 _TOUCH = re.compile(
     r"touch|press|releas|contact|down|up\b|begin|end\b|start|stop|ber\u00fchr|kontakt|ok\b", re.IGNORECASE
 )
-_SIDES = frozenset(  # which a sensor may be, too; "l" beside "r"
-    ["", "a", "b", "l", "left", "right", "links", "rechts", "gauche", "droite", "izquierda", "derecha", "sinistra",
-     "destra", "esquerda", "direita"]
-)  # fmt: skip
+_SIDES = frozenset(["", "a", "b", "l", *sum(SIDES, ())])  # which a sensor may be, too; "l" beside "r"
 _MOST = 4  # sensors
 _OFTEN = 2  # times that each comes
 _LONGEST = 40  # characters

@@ -12,6 +12,7 @@ from tacstrip.io.log_import.contents import (
     are_times,
     are_whole,
     comes_again,
+    count_strips,
     counts_up,
     names_strips,
     rises_as_a_clock,
@@ -23,7 +24,6 @@ from tacstrip.io.log_import.names import (
     TIME_UNITS,
     Meaning,
     meaning,
-    meanings,
     pair_of,
     unit_in,
 )
@@ -200,11 +200,9 @@ def strip_column(clues: Clues, known: dict[str, Meaning], which: str, wide: list
             return name, step
     strips = clues.sensor.strips if clues.sensor else 0
     for name in [n for n, m in known.items() if m.role == "" and n != ROW]:
-        kinds = meanings(sorted(set(clues.table.column(name))))
-        told = {m.strip for m in kinds.values()}
-        named = all(m.role == "reading" and m.strip is not None and not m.channel for m in kinds.values())
-        if named and len(told) == len(kinds) == strips and not any(number_of(f) is not None for f in kinds):
-            clues.because(f"{name}: {strips} names that count, as many as strips, such as {min(kinds)!r}")
+        words = {*clues.table.column(name)}
+        if len(words) == strips and count_strips(words):
+            clues.because(f"{name}: {strips} names that count, as many as strips, such as {min(words)!r}")
             return name, 0.0
     for name in [n for n, m in known.items() if m.role in ("", "which") and n not in (ROW, which)]:
         if names_strips(clues, name):
@@ -223,7 +221,7 @@ def strip_column(clues: Clues, known: dict[str, Meaning], which: str, wide: list
 
 
 def _may_number_strips(clues: Clues, name: str) -> bool:
-    """Return whether a column has no more numbers than the sensor has strips, and none too far from the others."""
+    """Return whether a column's numbers lie within as many in a row as the sensor has strips."""
     numbers = [v for v in clues.values(name) if v is not None]
     return not numbers or clues.sensor is None or max(numbers) - min(numbers) < clues.sensor.strips
 

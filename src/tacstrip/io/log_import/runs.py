@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -100,25 +100,20 @@ def of_runs(text: str) -> Table | None:
     order = order_said([*around, form[1]])
     titles = _names(above, best[first], dict(every)[first])
     names, kept = _of_fields(titles, [line.fields for line in best.values()])
-    said = {mark for line in best.values() for mark in line.marks} or {
-        unit
-        for w in re.findall(r"[^\W\d_]+", f"{form[0]} {form[1]}")
-        if (unit := UNITS.get(w.casefold(), "")) in READING_UNITS
-    }
-    unit = f" [{said.pop()}]" if len(said) == 1 else ""
+    unit = _unit_of(best, f"{form[0]} {form[1]}")
     counted = not any(meaning(name).role in ("time", "scan") for name in names)
     senders = Counter(_LEVEL.sub("", line.form) for line in best.values())
     several = sum(many >= _FEW for many in senders.values()) > 1  # as "left 0:5/4" and "right 0:5/4"
-    rows, lines = [], []
-    for count, (n, line) in enumerate(best.items()):
-        before = [
-            *[str(count)] * counted,
-            *[_LEVEL.sub("", line.form)] * several,
-            *(line.fields[place][1] for place in kept),
-        ]
-        for strip, pair in line.pairs.items():
-            rows.append([*before, strip, *pair])
-            lines.append(n)
+    labels = [
+        [*[str(count)] * counted, *[_LEVEL.sub("", line.form)] * several, *(line.fields[k][1] for k in kept)]
+        for count, line in enumerate(best.values())
+    ]
+    rows = [
+        [*of, strip, *pair]
+        for of, line in zip(labels, best.values(), strict=True)
+        for strip, pair in line.pairs.items()
+    ]
+    lines = [n for n, line in best.items() for _ in line.pairs]
     strip, values = max(best[first].pairs.items(), key=lambda item: len("".join(item[1])))  # not 0 and 0
     told = [
         f"each line has a pair of values for each strip, such as {' and '.join(values)} of strip {label}{strip}; the "
@@ -135,6 +130,16 @@ def of_runs(text: str) -> Table | None:
         tuple(broken),
         (*around, form[1].strip()), quotes={n: texts[n].strip() for n in broken}, empty=frozenset(voids),
     )  # fmt: skip
+
+
+def _unit_of(best: Mapping[int, _Line], around: str) -> str:
+    """Return " [V]" or the like: the unit that the pairs, or else words around these, say; "" where not one does."""
+    said = {mark for line in best.values() for mark in line.marks} or {
+        unit
+        for w in re.findall(r"[^\W\d_]+", around)
+        if (unit := UNITS.get(w.casefold(), "")) in READING_UNITS
+    }
+    return f" [{said.pop()}]" if len(said) == 1 else ""
 
 
 def _may_be_cut(line: str, word: str, form: str) -> bool:

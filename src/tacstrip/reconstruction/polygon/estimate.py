@@ -308,9 +308,8 @@ def _contacts(
             corners = again.residual_sums[0] <= again.problem.readings
             if again.selection is not None and (corners or run.outline is None):  # nor does a width
                 run = again
-        if sigma is None and len(readings) > 1:
-            run = _beside_jumps(run, runs_of, sensor, readings)
-        run = run if sigma is not None else _at_least_a_step(run, sensor)
+        if sigma is None:
+            run = _at_least_a_step(_beside_jumps(run, runs_of, sensor, readings), sensor)
         return FittedContact(strips, missing, fitted, readings, margin_mm, vertices, run)
 
     found: list[FittedContact] = []
@@ -358,7 +357,7 @@ def _beside_jumps(
 
     Of one that left more than noise may be, only where the fit explains the readings.
     """
-    less = noise_beside_jumps(run, sensor, readings)
+    less = noise_beside_jumps(run, sensor, readings) if len(readings) > 1 else None
     if less is None:
         return run
     (again,) = runs_of([readings], less)

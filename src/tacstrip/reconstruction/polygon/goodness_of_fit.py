@@ -118,9 +118,8 @@ def misfit(
             f"the readings are {times:.3g} times as far from the best outline as the noise explains: the contact "
             f"may {_more(run)}be concave{or_two}, or the noise larger than given"
         )
-    if (
-        distribution is None and squares_score(squares, run.problem.readings) > _ALARM
-    ):  # see `noise_beside_jumps`
+    # Noise that nobody gave, less than the outline leaves: see `noise_beside_jumps`.
+    if distribution is None and squares_score(squares, run.problem.readings) > _ALARM:
         return (
             f"lines along both ends explain the readings by noise of {100.0 * run.sigma:.2g} % of Vref, no outline of "
             f"one object does: the contact may {_more(run)}be concave{or_two}; or give the noise"

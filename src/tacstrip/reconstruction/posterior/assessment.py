@@ -186,9 +186,8 @@ def assess(
     unlike = 1.0 if isinstance(chosen.better, FamilyOutline) else float(drawn.weight[~chosen.own].sum())
     rest = min(1.0, (1.0 - chosen.confidence) / unlike) if unlike > 0.0 else 0.0
     others = _alternatives(drawn, every >= PROMISED_IOU, chosen.own, rest)
-    mixed = (
-        drawn if one and effort == "thorough" else None
-    )  # fewer, and longer chains of two signatures, do not
+    # The fast mode's fewer draws do not mix, nor do those of two signatures.
+    mixed = drawn if one and effort == "thorough" else None
     return Assessment(
         chosen.confidence, others, chosen.better, explained or better_explains, better_explains, mixed
     )

@@ -13,9 +13,8 @@ from tacstrip.arrays import FloatArray
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.posterior.draws import Draws
 
-_FURTHER = (
-    3.0  # times the squares that slopes say: less is what some hundred draws that follow on each other miss
-)
+# Times the squares that slopes say: less is what some hundred draws that follow on each other miss.
+_FURTHER = 3.0
 _FEW = 20.0  # draws that count by half
 _SINGULAR = 1e-10  # of the greatest eigenvalue: vertices of an upright end have one x
 

@@ -46,9 +46,8 @@ def unseen_corner_mm(scans: RigidScans, fit: Fit, deviation: float = 0.0, wider:
     place = np.tile(shares, (count, 1))
     seen = (place >= begins[:, None]) & (place <= 1.0 - ends[:, None])
     high = np.abs(asked / known) + _DEVIATIONS * wider / np.sqrt(known)
-    one = (
-        _DEVIATIONS * wider * scans.sigma * scans.sensor.length_mm
-    )  # a scan's pose is known about as its readings are
+    # A scan's pose is known about as its readings are.
+    one = _DEVIATIONS * wider * scans.sigma * scans.sensor.length_mm
     high = np.minimum(high.reshape(count, places), _short_of_untouched(scans, fit, shares) + one)
     high = np.minimum(np.where(seen, high, 0.0).max(axis=1), _farthest_out(corners))
     tips = unread_tips_mm(scans, fit)
@@ -67,9 +66,8 @@ def _short_of_untouched(scans: RigidScans, fit: Fit, shares: FloatArray) -> Floa
     cos, sin = np.cos(fit.poses[:, 2]), np.sin(fit.poses[:, 2])
     point = fit.corners[:, None] + shares[:, None] * after[:, None]  # (N, P, 2)
     x = fit.poses[:, 0, None, None] + cos[:, None, None] * point[..., 0] - sin[:, None, None] * point[..., 1]
-    out = (np.outer(cos, after[:, 1]) + np.outer(sin, after[:, 0])) / np.hypot(
-        *after.T
-    )  # of the way out, in x (T, N)
+    # Of the way out of each edge, in x (T, N).
+    out = (np.outer(cos, after[:, 1]) + np.outer(sin, after[:, 0])) / np.hypot(*after.T)
     room = np.where(out[..., None] > 0.0, right - x, x - left) / np.maximum(np.abs(out), 1e-9)[..., None]
     return np.asarray(np.maximum(room.min(axis=0), 0.0))
 

@@ -26,10 +26,8 @@ _SATISFIED = 1.15  # of the freedom: a chi square that ends the search
 _REFERENCES = 3  # of a search without a path: scans that it begins with ...
 _EASED = (0.04, 0.025, 0.016)  # ... and the tolerance of each round from one of them
 _RANDOM_SCANS = 40
-_HOPPED = (
-    (24, 12),
-    (DENSE, 4),
-)  # scans that hops explain, first of few and then of more, and how many hops each
+# Scans that hops explain, first of few and then of more, and how many hops each.
+_HOPPED = ((24, 12), (DENSE, 4))
 
 
 def best_without_path(scans: RigidScans) -> Fit:
