@@ -251,10 +251,10 @@ def _moves_both(
     x, chains = _chains(run, sensor, readings, sigma)
     if np.abs(chains[:, 0, i] / sensor.length_mm - ends.ends[:, i] * (1.0, -1.0)).max() < _GAP:
         return False
-    at = np.arange(len(x))
-    others = np.isfinite(chains).all(axis=(0, 1)) & (at != i)
-    near = others & (np.abs(at - i) <= _OUTER)
-    if i in (at[0], at[-1]) and any(_goes_straight_on(x, y, w, near, i) for y, w in chains):
+    strips = np.arange(len(x))
+    others = np.isfinite(chains).all(axis=(0, 1)) & (strips != i)
+    near = others & (np.abs(strips - i) <= _OUTER)
+    if i in (strips[0], strips[-1]) and any(_goes_straight_on(x, y, w, near, i) for y, w in chains):
         return False
     return not any(_convex_with(x, y, w, others, i, _ELSEWHERE) for y, w in chains)
 
