@@ -150,7 +150,7 @@ def _begun(
         raise SpecError(
             f"{log} has {len(facts.channels)} reading(s) of a strip, and {chosen} {len(sensor.signatures)}"
         )
-    text = sensor.to_toml().replace("# strip_base = 0  ", "strip_base = 0    ", 1)  # as the log counts
+    text = sensor.to_toml(strip_base=True)  # as the log counts
     for key in unknown:
         line = f'{key} = "{UNKNOWN}"'
         text = re.sub(

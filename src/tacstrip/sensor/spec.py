@@ -264,10 +264,10 @@ class Sensor(Drawn):
         kinds: dict[str, type[Calibration | Noise]] = {CALIBRATION: Calibration, NOISE: Noise}
         return cls(**raw | {key: kind.from_dict(raw[key]) for key, kind in kinds.items() if key in raw})
 
-    def to_toml(self) -> str:
+    def to_toml(self, *, strip_base: bool = False) -> str:
         """Return the spec file's text, with a comment per key; what is unset stands commented out.
 
-        So does `strip_base = 0`, which is as if it was unset.
+        So does `strip_base = 0`, which is as if it was unset, unless `strip_base` says that it is known.
         """
         lines = ["# A resistive hybrid tactile sensor, for tacstrip. Millimetres and volts."]
         for key, (example, comment) in KEYS.items():
@@ -275,7 +275,7 @@ class Sensor(Drawn):
             if key in OWN_KEYS and key not in self.kind.keys:
                 continue
             text = repr(value) if isinstance(value, int | float) else json.dumps(value, ensure_ascii=False)
-            unset = value in (None, ()) or (key, value) == ("strip_base", 0)
+            unset = value in (None, ()) or ((key, value) == ("strip_base", 0) and not strip_base)
             line = f"# {key} = {example}" if unset else f"{key} = {text}"
             lines.append(f"{line:<32} # {comment}")
         known = (self.converter, self.surface, self.noise, self.calibration)

@@ -24,6 +24,7 @@ from tacstrip.reconstruction.implausible import doubt_implausible
 from tacstrip.reconstruction.layered.posterior import covariance_over_minima, draw_scenes
 from tacstrip.reconstruction.layered.search import Candidate, Search, inward_corners
 from tacstrip.reconstruction.noise_covariance import Averaging, common_variance, fit_sigma, signature_variance
+from tacstrip.reconstruction.polygon.chi_square import ALARM
 from tacstrip.reconstruction.polygon.goodness_of_fit import chi_square_score
 from tacstrip.reconstruction.posterior.assessment import ENOUGH, PROMISED_IOU, Effort, check_effort
 from tacstrip.reconstruction.result import Reconstruction, RecoveredObject, Status
@@ -34,7 +35,6 @@ from tacstrip.sensor.layers import LayeredSensor
 
 _METHOD = "polygon"
 _LEAST_SIGMA = 3e-4  # of Vref: readings are never taken for more exact, or corners are hunted for without end
-_ALARM = 3.5  # standard deviations of a test's statistic
 _HIDDEN = 0.01  # of the strip length: a corner less certain than that is hidden
 _RIVAL = 8.0  # of the criterion: a scene that is worse by less is told
 _SAME = 0.7  # IoU from which two polygons are one and the same
@@ -224,7 +224,7 @@ def _misfit(search: Search, fitted: Fitted, noise: Noise | None) -> str:
     problem = search.problem
     freedom = problem.readings - fitted.scene.corners.size
     residuals = np.sqrt(np.array([fitted.cost]))  # what polygons miss of touched and silent strips is in it
-    if chi_square_score(residuals, freedom, distribution) <= _ALARM:
+    if chi_square_score(residuals, freedom, distribution) <= ALARM:
         return ""
     times = math.sqrt(fitted.cost / max(freedom, 1))
     return (

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+ALARM = 3.5  # standard deviations of a score: noise alone hardly reaches it
 _SPREAD = {"uniform": 0.8, "normal": 2.0}  # variance of a squared error over sigma^4
 
 

@@ -23,7 +23,7 @@ from tacstrip.errors import OptionError
 from tacstrip.reconstruction.implausible import doubt_implausible
 from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
 from tacstrip.reconstruction.on_surface import on_surface, refuse_surface
-from tacstrip.reconstruction.polygon.chi_square import squares_score
+from tacstrip.reconstruction.polygon.chi_square import ALARM, squares_score
 from tacstrip.reconstruction.polygon.convexity import NEAR_ENOUGH, nearest_convex
 from tacstrip.reconstruction.polygon.faulty_channel import contradictory, fit_without, without_one
 from tacstrip.reconstruction.polygon.objects import Asked, reconstruct_object
@@ -49,7 +49,6 @@ from tacstrip.sensor.spec import Sensor
 _AT_ONCE, _PARTS = 16, 4  # scans that the core takes in one call, and calls for each thread at least
 _ABOUT = 0.2  # of an area that is given without its standard deviation
 _TOGETHER = 6.0  # in the criterion: neighbours of a broken strip are broken too in one of 20
-_ALARM = 3.5  # deviations of chi square
 _LEAST_AREA = 1e-4  # of a strip's: smaller ones no reading tells
 
 
@@ -362,7 +361,7 @@ def _beside_jumps(
         return run
     (again,) = runs_of([readings], less)
     score = squares_score(again.residual_sums[0], again.problem.readings)
-    return run if again.selection is None or (run.sigma >= MOST_SIGMA and score > _ALARM) else again
+    return run if again.selection is None or (run.sigma >= MOST_SIGMA and score > ALARM) else again
 
 
 def _at_least_a_step(run: RunFit, sensor: Sensor) -> RunFit:

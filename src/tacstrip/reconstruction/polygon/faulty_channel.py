@@ -17,7 +17,7 @@ from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.core.convex_chain import convex_cost
 from tacstrip.core.model_selection import per_vertex_penalty
 from tacstrip.reconstruction.contact_ends import closed_ends, end_deviations
-from tacstrip.reconstruction.polygon.chi_square import squares_score
+from tacstrip.reconstruction.polygon.chi_square import ALARM, squares_score
 from tacstrip.reconstruction.polygon.convexity import NEAR_ENOUGH, ConvexFit, inward_corners, nearest_convex
 from tacstrip.reconstruction.polygon.run import MOST_SIGMA, RunFit
 from tacstrip.sensor.spec import Sensor
@@ -29,7 +29,6 @@ _STAYS, _RAIL = 4.0, 3.0  # deviations: an end is where it was; a reading is non
 _ELSEWHERE = 3.0
 _OUTER = 3  # strips at either end
 MOST_STRIPS = 24  # on more, neighbours tell the noise whatever one channel reads
-_ALARM = 3.5  # deviations of chi square
 _ROUGHLY = 4.0  # of what noise leaves: l and u, whose errors go together, by themselves
 _LEAST_SQUARES = 0.1  # of residuals, a degree of freedom: of fewer than these few by chance
 
@@ -261,7 +260,7 @@ def _moves_both(
 
 def _content(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray], sigma_known: bool) -> bool:
     """Whether a fit explains all readings but some that no contact makes, and not by a dent that a fault makes too."""
-    if sigma_known and squares_score(run.residual_sums[0], run.freedom) > _ALARM:
+    if sigma_known and squares_score(run.residual_sums[0], run.freedom) > ALARM:
         return False
     if not sigma_known and not (run.sigma <= MOST_SIGMA and run.model_mm.height > 0.0):
         return False

@@ -21,7 +21,7 @@ from tacstrip.reconstruction.noise_covariance import CorrelatedErrors
 from tacstrip.reconstruction.pieces.chain import Cut
 from tacstrip.reconstruction.pieces.pair import Ends, Pair, likeliest_pair, pair_at_the_ends
 from tacstrip.reconstruction.pieces.run import RunPieces, split_run
-from tacstrip.reconstruction.polygon.chi_square import squares_score
+from tacstrip.reconstruction.polygon.chi_square import ALARM, squares_score
 from tacstrip.reconstruction.polygon.convexity import (
     OneConvex,
     deviation,
@@ -37,7 +37,6 @@ from tacstrip.reconstruction.polygon.run import MOST_SIGMA, RunFit, residual_sum
 from tacstrip.reconstruction.posterior.family_outline import ROUNDED, FamilyOutline
 from tacstrip.sensor.spec import Sensor
 
-_ALARM = 3.5  # standard deviations of a test's statistic
 _LOOSE = 0.2  # of the contact's width: a vertex less certain in x is hardly one
 _EQUAL = 3  # counts that fit as well as the best one
 _RIVAL = -6.0  # an ellipse whose criterion is worse by less than this is a rival
@@ -82,7 +81,7 @@ def explains(run: RunFit, distribution: str, outline: Outline) -> bool:
     )
     # It follows the noise less than least squares does, so that nothing is taken off the freedom.
     score = squares_score(sums[0], readings, distribution)
-    return max(score, _autocorrelation_score(*sums, readings)) <= _ALARM
+    return max(score, _autocorrelation_score(*sums, readings)) <= ALARM
 
 
 def misfit(
@@ -112,19 +111,19 @@ def misfit(
     if errors is not None:
         residuals, freedom = errors.whitened(covariance)
         squares, pairs = residual_sums(residuals)
-    if distribution is not None and squares_score(squares, freedom, distribution) > _ALARM:
+    if distribution is not None and squares_score(squares, freedom, distribution) > ALARM:
         times = math.sqrt(squares / freedom)
         return (
             f"the readings are {times:.3g} times as far from the best outline as the noise explains: the contact "
             f"may {_more(run)}be concave{or_two}, or the noise larger than given"
         )
     # Noise that nobody gave, less than the outline leaves: see `noise_beside_jumps`.
-    if distribution is None and squares_score(squares, run.problem.readings) > _ALARM:
+    if distribution is None and squares_score(squares, run.problem.readings) > ALARM:
         return (
             f"lines along both ends explain the readings by noise of {100.0 * run.sigma:.2g} % of Vref, no outline of "
             f"one object does: the contact may {_more(run)}be concave{or_two}; or give the noise"
         )
-    if _autocorrelation_score(squares, pairs, run.problem.readings) > _ALARM:
+    if _autocorrelation_score(squares, pairs, run.problem.readings) > ALARM:
         return (
             "what the best outline leaves over hangs together from strip to strip: the contact may be concave, "
             f"curved,{or_two or ' or have more corners'}"

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from tacstrip.arrays import FloatArray
+from tacstrip.reconstruction.polygon.chi_square import ALARM
 from tacstrip.reconstruction.polygon.goodness_of_fit import chi_square_score
 from tacstrip.reconstruction.pressed.poses import TOUCH_MM, Poses
 
 _BELIEF = 8.0  # readings that the noise given counts for, against what is left over
-_ALARM = 3.5  # standard deviations of chi square
 RIVAL = 4.0  # chi square by which another pose is no rival
 LOST_MM = 0.1  # depth by which touch and silence may contradict the object
 
@@ -31,7 +31,7 @@ def in_noise(poses: Poses, values: FloatArray) -> bool:
     """Whether chi square of an object (1, P) is one of the noise; True where that is not known, or nothing is left."""
     left, freedom = poses.residuals(values)[0][: poses.readings], poses.readings - len(poses.names)
     # By normal noise also where it is uniform, whose squares spread less: the model is not exact enough for that.
-    return poses.noise is None or freedom < 1 or chi_square_score(left, freedom, "normal") <= _ALARM
+    return poses.noise is None or freedom < 1 or chi_square_score(left, freedom, "normal") <= ALARM
 
 
 def contradiction(poses: Poses, values: FloatArray) -> float:
