@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 
 import numpy as np
@@ -62,6 +63,9 @@ FORMS = {
     "pairs by strips": "".join(f"{t} s | #{s:03d} | {row}\n" for s, (t, row) in enumerate(zip(T, pairs(" | ", "S{i} {h}/{l}"), strict=True))),
     "a journal": "".join(f"Nov 22 14:03:21.{round(1000 * t):03d} pi skin[81]: scan {s}: {row}\n" for s, (t, row) in enumerate(zip(T, pairs(" ", "{h}/{l}"), strict=True))),
     "side by side": "HIGH SIDE (U in V),,,,LOW SIDE (U in V),,,\nt [ms],S1,S2,S3,t [ms],S1,S2,S3\n" + "".join(f"{round(1000 * t)},{','.join(f(x, '') for x in H[s])},{round(1000 * t)},{','.join(f(x, '') for x in L[s])}\n" for s, t in enumerate(T)),
+    "arrays below their names": "# shear test 3, fs = 20 Hz\n" + "\n\n".join(f"# {name} [V], rows: scans, columns: strips 0..2\n" + "".join(f"{' '.join(f(x) for x in row)}\n" for row in a) for name, a in (("v_h", H), ("v_l", L))),
+    "names behind another word": "10:00:00.000 -> boot 3\n10:00:00.000 -> strip:\tS0H\tS0L\tS1H\tS1L\tS2H\tS2L\n" + "".join(f"10:00:01.{round(1000 * t):03d} -> data:\t" + "\t".join(f(x, "0.000") for i in N for x in (H[s, i], L[s, i])) + "\n" for s, t in enumerate(T)),
+    "records under keys": json.dumps({"device": {"fw": "1.2"}, "log": {f"-Nr4kJ{'abcd'[s]}": {"time": t, "hi": [-1 if np.isnan(x) else float(x) for x in H[s]], "lo": [-1 if np.isnan(x) else float(x) for x in L[s]]} for s, t in enumerate(T)}}),
     "a module's inputs": "time,cDAQ1Mod1/strip0_hi,cDAQ1Mod1/strip0_lo,cDAQ1Mod2/strip1_hi,cDAQ1Mod2/strip1_lo,cDAQ1Mod2/strip2_hi,cDAQ1Mod2/strip2_lo\n" + "\n".join(wide()) + "\n",
     "another script": "\u65f6\u95f4(s)," + ",".join(f"\u901a\u9053{i}\u9ad8(V),\u901a\u9053{i}\u4f4e(V)" for i in N) + "\n" + "\n".join(wide()).translate({ord(c): ord(c) + 0xFEE0 for c in "0123456789."}) + "\n",
     "a message between": "\n".join([HEAD.strip(), *wide()[:2], "heap 19984", "E (301) i2c: timeout, retry 3", *wide()[2:]]) + "\n",
@@ -81,6 +85,14 @@ def test_a_dialect_gives_its_readings_without_a_question(form: str) -> None:
     values = np.stack([scan.values for scan in found.scans])
     np.testing.assert_array_equal(values, np.stack([H, L], axis=2))
     np.testing.assert_allclose([scan.time_s for scan in found.scans], T, atol=1e-6)
+
+
+def test_a_field_that_stays_says_the_unit() -> None:
+    scans = [
+        [{"id": i, "high": float(h) / 5.0, "low": float(h) / 9.0} for i, h in enumerate(H[2])] for _ in T
+    ]
+    rows = [{"t": t, "unit": "ratio_of_vref", "strips": of} for t, of in zip(T, scans, strict=True)]
+    assert read("\n".join(map(json.dumps, rows))).mapping.unit == "fraction"
 
 
 @pytest.mark.parametrize(

@@ -291,8 +291,12 @@ def melted_with_temperature() -> str:
             ",", lambda i, s: [f"{0.1 * i:.1f}", str(s), volts("kh", i, s, form=".4f"), volts("kl", i, s, form=".4f")],
             "time_s,strip,y_high (cm),y_low (cm)\n",
         ),
+        '"peau no 12, L = 5 cm"\n"position = U / Uref x L, en cm"\n' + long(
+            ";", lambda i, s: [f"{0.1 * i:.1f}", str(s), volts("kh", i, s, form=".4f"), volts("kl", i, s, form=".4f")],
+            "temps (s);bande;haut (cm);bas (cm)\n",
+        ),
     ],
-    ids=["brackets", "a comment", "rows of no strip", "centimetres"],
+    ids=["brackets", "a comment", "rows of no strip", "centimetres", "centimetres in French"],
 )  # fmt: skip
 def test_groups_comments_and_lengths_give_the_readings(text: str) -> None:
     found = propose(of_text(text), RUBBER)

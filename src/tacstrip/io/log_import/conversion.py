@@ -82,18 +82,23 @@ _STEP = re.compile(
     re.IGNORECASE,
 )
 _PREFIXES = {"": 1.0, "m": 1e-3, "u": 1e-6, "\u00b5": 1e-6}
-_PLACE = re.compile(  # as "y = U / Uref * L, L = 12 cm"
-    r"=\s*(?:\(?\s*[a-z]\w*\s*/\s*[a-z]\w*\s*\)?\s*[*\u00b7]?\s*L|L\s*[*\u00b7]\s*[a-z]\w*\s*/\s*[a-z]\w*)\b"
-    r"[^=\n]*?\bL\s*=\s*(?P<length>\d+(?:[.,]\d+)?)\s*(?P<unit>mm|cm|m)\b",
-    re.IGNORECASE,
+_LENGTHS = (
+    r"(?:length|l\u00e4nge|longueur|longitud|largo|lunghezza|comprimento|lengte|d\u0142ugo\u015b\u0107)"
 )
-# The same as "cm = V / Vref * stripLength", where the length stands in a setting of its own.
-_OF_LENGTH = re.compile(
-    r"=\s*\(?\s*[a-z]\w*\s*/\s*\w*ref\w*\s*\)?\s*[*\u00b7x]\s*\w*(?:length|l\u00e4nge)\w*", re.I
+_BY = r"\s*[*\u00b7\u00d7x]\s*"
+_PARTS = r"\(?\s*[a-z]\w*\s*/\s*[a-z]\w*\s*\)?"
+# A place as a part of the length, as "y = U / Uref * L", "cm = V / Vref * stripLength".
+_PLACE = re.compile(
+    rf"=\s*(?:{_PARTS}{_BY}(?:L\b|\w*{_LENGTHS})|(?:L|\w*{_LENGTHS}){_BY}{_PARTS})", re.IGNORECASE
 )
-_LENGTH_SAID = re.compile(
-    r"(?:length|l\u00e4nge)[ _]?[\[(]?(?P<unit>mm|cm|m)[\])]?[\"']?\s*[:=]\s*(?P<length>\d+(?:[.,]\d+)?)",
-    re.IGNORECASE,
+_LENGTH_SAID = (  # there or in a setting of its own
+    re.compile(
+        rf"\b(?:L|\w*{_LENGTHS})\s*[=:]\s*(?P<length>\d+(?:[.,]\d+)?)\s*(?P<unit>mm|cm|m)\b", re.IGNORECASE
+    ),
+    re.compile(
+        rf"{_LENGTHS}[ _]?[\[(]?(?P<unit>mm|cm|m)[\])]?[\"']?\s*[:=]\s*(?P<length>\d+(?:[.,]\d+)?)",
+        re.IGNORECASE,
+    ),
 )
 _NEAR = 0.02  # relative
 _USUAL = (8, 10, 12, 14, 16, 18, 20, 24)  # bits
@@ -183,7 +188,7 @@ def of_lengths(clues: Clues, columns: list[str]) -> float:
     unit = answer if answer in LENGTHS_MM else units.pop()
     length = clues.sensor.length_mm / LENGTHS_MM[unit] if clues.sensor else 0.0
     text = "\n".join(clues.table.preamble)
-    told = _PLACE.search(text) or (_LENGTH_SAID.search(text) if _OF_LENGTH.search(text) else None)
+    told = next(filter(None, (form.search(text) for form in _LENGTH_SAID if _PLACE.search(text))), None)
     said = 0.0
     if told:
         said = float(told["length"].replace(",", ".")) * LENGTHS_MM[told["unit"].lower()] / LENGTHS_MM[unit]

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from tacstrip.io.log_import.arrays import of_arrays
 from tacstrip.io.log_import.fields import number_of, says_nothing
 from tacstrip.io.log_import.gathered import touched_vary
+from tacstrip.io.log_import.names import meaning
 from tacstrip.io.log_import.strays import filled_lines
 from tacstrip.io.log_import.table import ContradictionError, Table, of_records
 from tacstrip.io.log_import.yaml_text import of_yaml
@@ -35,6 +36,10 @@ _ARRAYS = (  # named arrays with their sizes, as Octave, h5dump and Igor Pro wri
         re.DOTALL,
     ),
 )
+_HEADED = re.compile(  # an array below a comment with its name, as np.savetxt writes each with its header
+    r"(?m)^[#%]+[ \t]*(?P<name>[^\W\d]\w*(?:[ \t]*[\[(][^\])\n]*[\])])?)(?P<rest>[^\n]*)\n"
+    r"(?P<body>(?:(?![#%])[^\n]*\S[^\n]*(?:\n|\Z))+)"
+)
 _PLACE = re.compile(r"\(\d+(?:,\d+)*\):")  # of the number behind it, as h5dump writes
 _STEP = re.compile(r"SetScale/P x [^,]+,([\d.eE+-]+),\"s\"")  # from scan to scan, of Igor
 _UNIT_OF = re.compile(r"ATTRIBUTE \"units?\".*?\(0\): \"([^\s\"]+)", re.DOTALL)
@@ -47,6 +52,7 @@ def of_dialect(text: str, path: str) -> Table | None:
         _teleplot,
         _influx,
         _named_arrays,
+        _headed_arrays,
         of_yaml,
     )
     return next((table for read in readers if (table := read(text, path)) is not None), None)
@@ -132,3 +138,31 @@ def _named_arrays(text: str, path: str) -> Table | None:
     table = of_arrays(arrays, path, {"dt_s": float(step[1])} if step else {}, "arrays with names and sizes")
     beside = [] if _ARRAYS[0].search(text) else filled_lines(around)  # Octave's are variables, too
     return replace(table, preamble=(*table.preamble, *(line for _, line in beside)))
+
+
+def _headed_arrays(text: str, path: str) -> Table | None:
+    """Return arrays one below the other, each below a comment that names its channel, or the time."""
+    blocks = [m for m in _HEADED.finditer(text) if len(m["body"].splitlines()) > 1]
+    said = [meaning(m["name"]) for m in blocks]
+    ends = [s.channel for s in said if s.channel]
+    apart = len({*ends}) == len(ends) > 1 and all(s.channel or s.role == "time" for s in said)
+    rows = [_fields_of(m["body"]) for m in blocks]
+    numbers = sum(len(block) for block in rows)
+    if not apart or numbers != sum(not line.startswith(("#", "%")) for _, line in filled_lines(text)):
+        return None
+    if any(len({*map(len, block)}) > 1 for block in rows):
+        return None  # names of columns, or a line that is torn
+    arrays = {
+        m["name"]: np.array(block, dtype=np.float64).squeeze() for m, block in zip(blocks, rows, strict=True)
+    }
+    table = of_arrays(arrays, path, {}, "arrays one below the other, each below its name")
+    comments = [line.lstrip("#% \t") for _, line in filled_lines(text) if line.startswith(("#", "%"))]
+    return replace(table, preamble=(*table.preamble, *comments))
+
+
+def _fields_of(body: str) -> list[list[float]]:
+    """Return the numbers of an array's lines, NaN for nothing; no rows where a field is neither."""
+    rows = [re.split(r"[\s,;]+", line.strip()) for line in body.splitlines()]
+    read = [[np.nan if says_nothing(f) else number_of(f) for f in row] for row in rows]
+    known = [[v for v in row if v is not None] for row in read]
+    return known if known == read else []

@@ -39,6 +39,7 @@ _R_ROW = re.compile(r"\s*\[\d+,\](?=\s)")  # before the rows of a matrix that R 
 _BRACKETED = re.compile(r"\s*[\[({](.*)[\])}]\s*[,;]?\s*")  # a line such as "(20, [1, 2])"
 _FRAMED = re.compile(r"\s*/\*\s*\$?(.*?)\s*\*/\s*")  # as the frames of Serial Studio
 _PREFIX = re.compile(r"\s*(?:[A-Za-z]+:|-)\s+(?=[-+.\d])")  # such as "RX: " before the fields of each line
+_PREFIX_OF_NAMES = re.compile(r"\s*[A-Za-z]+:\s+(?=[^\W\d])")  # such as "HEAD: "
 _NAMED = re.compile(r"[^\W\d]\w*\s*[:=]")  # the name of what follows in a line
 _CHECKED = re.compile(
     r"\*(?:[\dA-Fa-f]{2}|checksum|crc|cs|xx|hh)\s*\Z", re.IGNORECASE
@@ -128,7 +129,19 @@ def _without_prefix(lines: Lines) -> Lines:
     named = named or meaning(head.strip(" :")).channel in ("h", "l")
     if not head or many <= STEADY * numbers or named or not (wide or not meaning(head).role):
         return lines
-    return [(i, line.removeprefix(head)) for i, line in lines]
+    width = Counter(len(_fields(line, head)) for _, line in lines if line.startswith(head)).most_common(1)[0][
+        0
+    ]
+    rest = [(i, line.removeprefix(head)) for i, line in lines]
+    first = next(n for n, (_, line) in enumerate(lines) if line.startswith(head))
+    names = _PREFIX_OF_NAMES.match(rest[first - 1][1]) if first else None
+    if names and len(_fields(rest[first - 1][1], names.group())) == width:  # a word of their own in its place
+        rest[first - 1] = (rest[first - 1][0], rest[first - 1][1].removeprefix(names.group()))
+    return rest
+
+
+def _fields(line: str, head: str) -> list[str]:
+    return re.split(_BETWEEN, line.removeprefix(head).strip())
 
 
 def with_stamps(table: Table, stamps: Mapping[int, str], text: str, path: str | Path) -> Table:

@@ -68,6 +68,7 @@ def of_values(
 ) -> Table | None:
     """Return records, lists or an object of columns as a table; None where they are none. Perhaps with their lines."""
     above: tuple[str, ...] = ()
+    value = value if numbered else _without_keys(value)
     found = value if numbered else list(enumerate(_rows_of(_named_within(value) or value), 1))
     if not numbered and isinstance(value, dict) and found[0][1] is not value:
         above = said_above({k: v for k, v in value.items() if not isinstance(v, list)})
@@ -104,6 +105,29 @@ def of_values(
     return replace(
         table, names=_described(table.names, above), preamble=above, varied=varied, empty=frozenset(empty)
     )
+
+
+def _without_keys(value: Any) -> Any:
+    """Return an object with a list in place of records under keys of their own, as databases make them.
+
+    A record with a time, or with a list shorter than there are records, is a scan, not a strip's.
+
+    Examples
+    --------
+    >>> _without_keys({"log": {f"-Nr{n}": {"t": n, "h": [5, 6]} for n in range(2)}})["log"]
+    [{'t': 0, 'h': [5, 6]}, {'t': 1, 'h': [5, 6]}]
+    """
+    if not isinstance(value, dict):
+        return value
+    rows = [*value.values()]
+    alike = all(isinstance(r, dict) and [*r] == [*rows[0]] for r in rows)
+    if alike and len(rows) > 1 and not any(meaning(k).role for k in value):
+        counted = any(
+            meaning(k).role in ("time", "scan") and not isinstance(v, list) for k, v in rows[0].items()
+        )
+        longest = max((len(v) for r in rows for v in r.values() if isinstance(v, list)), default=0)
+        return rows if counted or 0 < longest < len(rows) else value  # longer ones are series
+    return {k: _without_keys(v) for k, v in value.items()}
 
 
 def _with_untouched(found: Sequence[tuple[int, Any]]) -> list[tuple[int, Any]]:

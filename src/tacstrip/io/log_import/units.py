@@ -439,10 +439,11 @@ def _unit_said(clues: Clues, likely: list[str], bits: int, volts: bool, top: flo
     clauses = [clause for clause in clauses if not _OF_OTHERS.search(clause)]
     said = {w.casefold() for w in _UNIT_TOLD.findall("\n".join(clauses)) for w in w if w}
     named = {"fraction" if w.endswith("vref") else UNITS.get(w, "") for w in said}
-    named |= {unit for words, unit in _UNIT_IN_PROSE if any(map(words.search, clues.table.preamble))}
+    prose = (*clues.table.preamble, *_fixed_fields(clues))
+    named |= {unit for words, unit in _UNIT_IN_PROSE if any(map(words.search, prose))}
     named |= {"fraction"} if any(map(_OVER_VREF.search, clues.table.preamble)) else set()
     if len(named) == 1 and named <= set(likely):
-        clues.because(f"readings are in {min(named)}, as the log says above them")
+        clues.because(f"readings are in {min(named)}, as the log says")
         return named.pop()
     if "code" not in likely or said or volts:
         return ""
@@ -491,11 +492,14 @@ def _may_be_codes(values: FloatArray, bits: int) -> bool:
 
 def _raw_said(clues: Clues) -> str:
     """Return what says "raw": a column's name, a field that stays as a topic does, a line of no conversion; or ""."""
-    fixed = [fields[0] for n in clues.table.names if len({*(fields := clues.table.column(n))}) == 1]
     said = [" ".join(line.split()) for line in clues.table.preamble if not _CONVERTED.search(line)]
-    return next(
-        (t for t in (*clues.table.names, *fixed, *said) if re.search(r"(?<![a-z])raw(?![a-z])", t, re.I)), ""
-    )
+    texts = (*clues.table.names, *_fixed_fields(clues), *said)
+    return next((t for t in texts if re.search(r"(?<![a-z])raw(?![a-z])", t, re.I)), "")
+
+
+def _fixed_fields(clues: Clues) -> list[str]:
+    """Return the fields of columns that say the same on all lines, as a topic or a unit does."""
+    return [fields[0] for n in clues.table.names if len({*(fields := clues.table.column(n))}) == 1]
 
 
 def _largest_possible(vref: float, scale: float = 1.0) -> dict[str, float]:
