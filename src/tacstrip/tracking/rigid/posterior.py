@@ -1,53 +1,101 @@
-"""How far the corners of an outline may be off, by a walk over outlines that explain the readings.
+"""Outlines that explain the readings, as likely as they are with all their poses, by a walk over both.
 
-The bound at the best fit is that of a straight line through it. The corner of a notch that few strips read may lie in a
-long bent valley, or at a kink of it where a strip passes the corner: there the bound is much too small.
+The best fit is the best of outlines each with its best poses. Where a strip passes a corner or a side that is nearly
+upright, a pose has a kink: one that explains the scan may lie in a place so narrow that it is hardly likely, and an
+outline that puts many scans there fits best and is wrong. What an outline is worth is its likelihood over all poses.
 """
 
 from __future__ import annotations
 
-import itertools
-import math
+from dataclasses import dataclass
 
 import numpy as np
 
 from tacstrip.arrays import FloatArray
-from tacstrip.core.rigid import RigidScans, walk
-from tacstrip.tracking.rigid.corners import Fit
+from tacstrip.core.rigid import LEAST, RigidScans, fit_poses, loss, walk
+from tacstrip.tracking.rigid.corners import Fit, best_of, explained, poses_around
 from tacstrip.tracking.rigid.covariance import covariances, information
+from tacstrip.tracking.rigid.pose_spread import first_guess
 
-# Of the walk, the first third of it dropped; when its steps follow it.
-_STEPS, _DROPPED, _ADAPTED = 800, 3, (131, 261)
-_SIZES, _SHARES = (0.35, 1.0, 3.0), (0.3, 0.5, 0.2)  # of steps over the usual one, and how often
+_SIZES, _SHARES = (0.1, 0.35, 1.0), (0.3, 0.4, 0.3)  # of steps over the usual one, and how often
 _USUAL = 2.4  # deviations of a step over the root of how many numbers it has
-_POSES = 3  # steps of each scan's pose on a new outline
+_POSE_SIZES, _POSE_TRIES = (0.3, 1.0, 3.0), 2  # of a pose's steps in its deviations; tries of each after one of corners
 _FARTHEST = 0.2  # of the outline's extent: deviation of steps, at most
-_KEEP = 0.3  # of the first steps' covariance, in what the walk has learned
+_KEEP = 0.1  # of the bound at the walk's place, in the covariance of its steps beside what it has learned
+_GAP = 12.0  # pitches^-2: what is known of an end anywhere within a gap
+_NO_LESS_MM2 = 1e-10  # of a pose's covariance: exact readings leave hardly any
 
 
-def scatter(scans: RigidScans, fit: Fit) -> float:
-    """Return how far a fit's least certain corner may be off [mm]: root of the mean square.
+@dataclass
+class Walk:
+    """A walk over outlines and poses, from a fit on.
 
-    Metropolis' walk over the corners, with the poses that fit best, each scan's by itself.
+    Attributes
+    ----------
+    scans, fit
+        What it is to explain, and where it began.
+    corners, poses, costs
+        Where it is: (N, 2) [mm], (T, 3) and chi square of each scan (T,).
+    outlines
+        Those of its last stage, about their means and turned onto the fit's (M, N, 2).
     """
-    random, count = np.random.default_rng(0), len(fit.corners)
-    size = float(np.ptp(fit.corners, axis=0).max())
-    known = covariances(information(scans, fit.corners, fit.poses), fit.corners, fit.poses)[0]
-    first = root = _root(known, _FARTHEST * size)
-    numbers = root.shape[1]
-    steps = random.choice(_SIZES, size=(_STEPS, 1), p=_SHARES) * _USUAL / math.sqrt(numbers)
-    draws = steps * random.normal(size=(_STEPS, numbers))
-    above = -2.0 * np.log1p(-random.random(_STEPS))
-    corners, poses, cost, here = fit.corners, fit.poses, fit.cost, np.empty((0, count, 2))
-    for begin, end in itertools.pairwise((0, *_ADAPTED, _STEPS)):
-        if begin:
-            learned = np.cov(here[begin // 2 :].reshape(-1, 2 * count).T)
-            root = _root(learned + _KEEP * first @ first.T, _FARTHEST * size)
-        moves = (draws[begin:end] @ root.T).reshape(-1, count, 2)
-        walked, poses, cost = walk(scans, corners, poses, cost, moves, above[begin:end], _POSES)
-        corners, here = walked[-1], np.concatenate([here, _onto(walked, fit.corners)])
-    off = (here[_STEPS // _DROPPED :] - (fit.corners - fit.corners.mean(axis=0))) ** 2
-    return math.sqrt(float(off.sum(axis=2).mean(axis=0).max()))
+
+    scans: RigidScans
+    fit: Fit
+    corners: FloatArray
+    poses: FloatArray
+    costs: FloatArray
+    outlines: FloatArray
+    random: np.random.Generator
+    learned: FloatArray | None = None
+
+    @classmethod
+    def of(cls, scans: RigidScans, fit: Fit) -> Walk:
+        costs = fit_poses(scans, fit.corners, fit.poses[:, None], loss(scans), 0)[1][:, 0]
+        return cls(scans, fit, fit.corners, fit.poses, costs, np.empty((0, *fit.corners.shape)), np.random.default_rng(0))
+
+    def look_around(self) -> None:
+        """Take scans that the walk does not explain to a better pose farther away, which it may not find by itself."""
+        poses, costs = best_of(*poses_around(self.scans, Fit(self.corners, self.poses, self.costs)), 1)
+        better = (costs[:, 0] < self.costs - 8.0) & (self.costs > self.scans.readings + 2.0 * np.sqrt(self.scans.readings))
+        self.poses = np.where(better[:, None], poses[:, 0], self.poses)
+        self.costs = np.where(better, costs[:, 0], self.costs)
+
+    def go(self, steps: int) -> None:
+        """Go on by so many steps."""
+        scans, corners, poses = self.scans, self.corners, self.poses
+        size, total = float(np.ptp(corners, axis=0).max()), len(poses)
+        known = covariances(information(scans, corners, poses), corners, poses)[0]
+        root = _root(known if self.learned is None else self.learned + _KEEP * known, _FARTHEST * size)
+        numbers, random = root.shape[1], self.random
+        size_of = random.choice(_SIZES, size=(steps, 1), p=_SHARES) * _USUAL / np.sqrt(numbers)
+        moves = ((size_of * random.normal(size=(steps, numbers))) @ root.T).reshape(steps, *corners.shape)
+        roots = np.stack([
+            np.linalg.cholesky(bound + _NO_LESS_MM2 * np.eye(3)) for bound in first_guess(scans, Fit(corners, poses, self.costs))
+        ])  # (2, T, 3, 3)
+        shape = (steps, _POSE_TRIES, total)
+        draws = random.normal(size=(*shape, 3)) * random.choice(_POSE_SIZES, size=(*shape, 1))
+        which = random.random((*shape, 1)) < 0.5
+        by = np.where(which, *(np.einsum("tij,nktj->nkti", r, draws, optimize=True) for r in roots))
+        tries = moves, -2.0 * np.log1p(-random.random(steps)), by, -2.0 * np.log1p(-random.random(shape))
+        walked, self.poses, self.costs = walk(scans, corners, poses, self.costs, _follow(scans, corners, poses), tries)
+        self.corners, self.outlines = walked[-1], _onto(walked, self.fit.corners)
+        self.learned = np.cov(self.outlines[steps // 3 :].reshape(-1, corners.size).T)
+
+
+def _follow(scans: RigidScans, corners: FloatArray, poses: FloatArray) -> FloatArray:
+    """Return how poses follow corners (T, 3, 2 N), their ends anywhere within the gaps that they lie in."""
+    found, rows, free = information(scans, corners, poses), np.arange(len(poses)), _GAP / scans.sensor.pitch_mm**2
+    pose, mixed = found.pose + LEAST * np.eye(3), found.mixed.copy()
+    cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    x = np.outer(cos, corners[:, 0]) - np.outer(sin, corners[:, 1])
+    for i in (x.argmin(axis=1), x.argmax(axis=1)):
+        y = sin * corners[i, 0] + cos * corners[i, 1]
+        by_pose = np.stack([np.ones_like(y), np.zeros_like(y), -y], axis=1)
+        pose += free * by_pose[:, :, None] * by_pose[:, None]
+        mixed[rows, :, 2 * i] += free * cos[:, None] * by_pose
+        mixed[rows, :, 2 * i + 1] -= free * sin[:, None] * by_pose
+    return np.asarray(np.linalg.solve(pose, mixed))
 
 
 def _root(covariance: FloatArray, most: float) -> FloatArray:
@@ -62,3 +110,13 @@ def _onto(walked: FloatArray, to: FloatArray) -> FloatArray:
     turn = np.arctan2((a[..., 0] * b[:, 1] - a[..., 1] * b[:, 0]).sum(axis=1), (a * b).sum(axis=(1, 2)))
     cos, sin = np.cos(turn)[:, None], np.sin(turn)[:, None]
     return np.stack([cos * a[..., 0] - sin * a[..., 1], sin * a[..., 0] + cos * a[..., 1]], axis=2)
+
+
+def scatter(scans, fit):
+    w = Walk.of(scans, fit)
+    every = []
+    for _ in range(4):
+        w.go(200)
+        every.append(w.outlines)
+    off = (np.concatenate(every[1:]) - (fit.corners - fit.corners.mean(axis=0))) ** 2
+    return float(np.sqrt(off.sum(axis=2).mean(axis=0).max()))
