@@ -40,9 +40,9 @@ LEVEL = 0.95  # of the regions
 class Row:
     """One kind of scene; a scene draws one of each."""
 
-    strips: int = 10
+    strips: int | tuple[int, ...] = 10
     names: tuple[str, ...] = ("kh", "kl")
-    level: float = 0.005
+    level: float | tuple[float, ...] = 0.005
     scans: int | tuple[int, ...] = 50
     shapes: tuple[str, ...] = ("convex",)
     motions: tuple[str, ...] = ("slide", "turn", "both")
@@ -87,6 +87,9 @@ ROWS = {
     ),
     "creeps": Row(body="creeps"),
     "blunt": Row(shapes=("random",)),
+    "upright sides": Row(
+        strips=(8, 10, 12, 16, 24), level=(0.002, 0.005, 0.01), scans=(30, 60), shapes=("upright",), motions=("across",)
+    ),
 }  # fmt: skip
 
 
@@ -158,6 +161,10 @@ def scene(name: str, seed: int, number: int, noises: tuple[str, ...] = ()) -> Sc
     """Return a scene of `ROWS`, with other noises where some are named."""
     row = replace(ROWS[name], noises=noises) if noises else ROWS[name]
     random = np.random.default_rng([77, list(ROWS).index(name), seed, number])
+    if isinstance(row.strips, tuple):
+        row = replace(row, strips=int(random.choice(row.strips)))
+    if isinstance(row.level, tuple):
+        row = replace(row, level=float(random.choice(row.level)))
     unit = Unit(row.names, row.strips, _SIDE / row.strips, _SIDE)
     count = row.scans if isinstance(row.scans, int) else int(random.choice(row.scans))
     while True:
@@ -169,6 +176,8 @@ def scene(name: str, seed: int, number: int, noises: tuple[str, ...] = ()) -> Sc
             ways = [
                 lane + (drawn_way("both", count, random, lane[1]) - lane) * [0.5, 0.5, 1.0] for lane in lanes
             ]
+        elif kind == "upright":
+            bodies, ways = [_upright(random, size, unit.pitch)], [drawn_way(motion, count, random)]
         elif kind == "small":
             bodies = [drawn_outline("convex", random, unit.pitch * random.uniform(0.5, 1.0))]
             ways = [drawn_way(motion, count, random)]
@@ -283,6 +292,25 @@ def _convex(random: np.random.Generator, clear: bool = True) -> Array:
             return np.asarray(outline)
 
 
+def _upright(random: np.random.Generator, size: float, pitch: float) -> Array:
+    """Return a triangle or quadrilateral about its centroid with one or two sides that lean by up to two pitches."""
+    half, high = size * random.uniform(0.5, 0.85), size * random.uniform(0.4, 0.7)
+    leans, slopes = pitch * random.uniform(-1.0, 1.0, 2), high * random.uniform(-0.25, 0.25, 2)
+    kind = random.choice(["any", "parallelogram", "trapezoid", "rectangle", "triangle"])
+    if kind in ("parallelogram", "rectangle"):
+        leans[1], slopes[1] = leans[0], slopes[0]
+    if kind == "trapezoid":
+        slopes[1] = slopes[0] = 0.0
+    if kind == "rectangle":
+        slopes[:] = -leans[0] * half / high
+    (a, b), (p, q) = leans, slopes
+    outline = np.array([(-half - a, -high - p), (half - b, -high + p), (half + b, high + q), (-half + a, high - q)])
+    if kind == "triangle":
+        outline = np.delete(outline, int(random.integers(4)), axis=0)
+    outline = counter_clockwise(outline)
+    return np.asarray(outline - shapely.get_coordinates(shapely.Polygon(outline).centroid))
+
+
 def drawn_way(motion: str, scans: int, random: np.random.Generator, middle_y: float = 50.0) -> Array:
     """Return poses (T, 3) [mm, mm, rad]."""
     t = np.linspace(0.0, 1.0, scans)
@@ -301,6 +329,11 @@ def drawn_way(motion: str, scans: int, random: np.random.Generator, middle_y: fl
     match motion:
         case "slide":
             return smooth(go, random.uniform(-12.0, 12.0), 0.0)
+        case "across":  # hardly turned
+            centre[2] = 0.0
+            way = smooth(math.copysign(random.uniform(10.0, 25.0), go), random.uniform(-2.0, 2.0), 0.0)
+            way[:, 2] = np.radians(random.choice([0.0, 3.0])) * random.uniform(-1.0, 1.0) * np.linspace(-0.5, 0.5, scans)
+            return way
         case "turn":
             return smooth(0.0, 0.0, turn)
         case "both" | "border":
