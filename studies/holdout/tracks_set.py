@@ -294,8 +294,10 @@ def _convex(random: np.random.Generator, clear: bool = True) -> Array:
 
 def _upright(random: np.random.Generator, size: float, pitch: float) -> Array:
     """Return a triangle or quadrilateral about its centroid with one or two sides that lean by up to two pitches."""
-    half, high = size * random.uniform(0.5, 0.85), size * random.uniform(0.4, 0.7)
-    leans, slopes = pitch * random.uniform(-1.0, 1.0, 2), high * random.uniform(-0.25, 0.25, 2)
+    half = 0.5 * min(pitch * random.uniform(3.0, 8.0), 2.2 * size)
+    high = size * random.uniform(0.5, 0.9)
+    leans, slopes = random.uniform(-1.0, 1.0, 2), high * random.uniform(-0.25, 0.25, 2)
+    leans *= pitch * np.abs(leans)  # half of them by less than half a pitch
     kind = random.choice(["any", "parallelogram", "trapezoid", "rectangle", "triangle"])
     if kind in ("parallelogram", "rectangle"):
         leans[1], slopes[1] = leans[0], slopes[0]
