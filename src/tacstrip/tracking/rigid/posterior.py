@@ -1,8 +1,9 @@
-"""Outlines that explain the readings, as likely as they are with all their poses, by a walk over both.
+"""Outlines that explain the readings, each as likely as it is with all its poses, by a walk over both.
 
-The best fit is the best of outlines each with its best poses. Where a strip passes a corner or a side that is nearly
-upright, a pose has a kink: one that explains the scan may lie in a place so narrow that it is hardly likely, and an
-outline that puts many scans there fits best and is wrong. What an outline is worth is its likelihood over all poses.
+The best fit is that of outlines each with its best poses. Where a strip passes a corner, or a side that is nearly
+upright, a pose has a kink: one that explains its scan may lie in so narrow a place that it is hardly likely. An outline
+that needs such poses in many scans may fit best and be wrong (as where structural and incidental parameters are fitted
+together: Neyman and Scott 1948), and the bound at the best fit is that of a straight line through it.
 """
 
 from __future__ import annotations
@@ -13,22 +14,81 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.core.rigid import LEAST, RigidScans, fit_poses, loss, walk
-from tacstrip.tracking.rigid.corners import Fit, best_of, explained, poses_around
+from tacstrip.tracking.rigid.corners import Fit, best_of, posed, poses_around, reflex
 from tacstrip.tracking.rigid.covariance import covariances, information
-from tacstrip.tracking.rigid.pose_spread import first_guess
+from tacstrip.tracking.rigid.pose_spread import bounds_beside
 
+_STAGES, _STEPS = 4, 200  # of a walk, after each of which it has learned; the first one is dropped
+_NEARING, _LASTING, _LONG = 5, 6, 500  # stages until it is where the outlines are likely, and there, of so many steps
+_ELSEWHERE = 4.0  # mean square of the walk's mean about the fit over its variance: it leads elsewhere
+_STUCK = 0.02  # share of trials taken: the walk is held where it began
+_LOST = 8.0  # of chi square, by which a scan's other pose has to be better to be jumped to
 _SIZES, _SHARES = (0.1, 0.35, 1.0), (0.3, 0.4, 0.3)  # of steps over the usual one, and how often
 _USUAL = 2.4  # deviations of a step over the root of how many numbers it has
-_POSE_SIZES, _POSE_TRIES = (0.3, 1.0, 3.0), 2  # of a pose's steps in its deviations; tries of each after one of corners
+_POSE_SIZES, _POSE_TRIES = (0.3, 1.0, 3.0), 2  # deviations of a pose's steps; tries of each after one of corners
 _FARTHEST = 0.2  # of the outline's extent: deviation of steps, at most
-_KEEP = 0.1  # of the bound at the walk's place, in the covariance of its steps beside what it has learned
+_KEEP = 0.1  # of the bound where the walk is, in the covariance of its steps beside what it has learned
 _GAP = 12.0  # pitches^-2: what is known of an end anywhere within a gap
 _NO_LESS_MM2 = 1e-10  # of a pose's covariance: exact readings leave hardly any
 
 
+@dataclass(frozen=True, eq=False)
+class Likely:
+    """The outlines that are likely.
+
+    Attributes
+    ----------
+    fit
+        Their mean, with its best poses.
+    best
+        The fit that explains the scans best, and is not among them.
+    covariance
+        Of its corners (2 N, 2 N) [mm^2], that of so long a walk included.
+    """
+
+    fit: Fit
+    best: Fit
+    covariance: FloatArray
+
+
+def over_all_poses(scans: RigidScans, fit: Fit) -> tuple[float, Likely | None]:
+    """Return how far a fit's least certain corner may be off [mm], root of the mean square; what is likely elsewhere.
+
+    None where the fit is among the outlines that are likely, and of concave ones: how deep a notch is, few scans tell.
+    """
+    way, walked = _Walk.of(scans, fit), list[FloatArray]()
+    for _ in range(_STAGES):
+        walked.append(way.go(_STEPS))
+    middle = fit.corners - fit.corners.mean(axis=0)
+    found = np.concatenate(walked[1:])
+    loosest = float(np.sqrt(((found - middle) ** 2).sum(axis=2).mean(axis=0).max()))
+    known = covariances(information(scans, fit.corners, fit.poses), fit.corners, fit.poses)[0]
+    stuck = (np.diff(found, axis=0) != 0.0).any(axis=(1, 2)).mean() < _STUCK
+    if reflex(fit.corners).any() or not (stuck or _off(found.mean(axis=0) - middle, known) > _ELSEWHERE):
+        return loosest, None
+    for _ in range(_NEARING):
+        way.look_around()
+        way.go(_STEPS)
+    parts = np.stack([way.go(_LONG) for _ in range(_LASTING)])
+    mean = parts.mean(axis=(0, 1))
+    if _off(mean - middle, known) <= _ELSEWHERE:
+        return loosest, None
+    every, means = parts.reshape(-1, mean.size), parts.mean(axis=1).reshape(len(parts), -1)
+    outline = Fit(mean + fit.corners.mean(axis=0), way.poses, way.costs)
+    poses, costs = best_of(*poses_around(scans, posed(scans, outline)), 1)
+    outline = Fit(outline.corners, poses[:, 0], costs[:, 0])
+    return loosest, Likely(outline, fit, np.cov(every.T) + np.cov(means.T))
+
+
+def _off(step: FloatArray, covariance: FloatArray) -> float:
+    """Return the mean square of a change of shape (N, 2) over its variance."""
+    value, vector = np.linalg.eigh(covariance)
+    return float(((step.ravel() @ vector)[3:] ** 2 / value[3:]).mean())
+
+
 @dataclass
-class Walk:
-    """A walk over outlines and poses, from a fit on.
+class _Walk:
+    """A walk of Metropolis' over outlines and poses.
 
     Attributes
     ----------
@@ -36,8 +96,8 @@ class Walk:
         What it is to explain, and where it began.
     corners, poses, costs
         Where it is: (N, 2) [mm], (T, 3) and chi square of each scan (T,).
-    outlines
-        Those of its last stage, about their means and turned onto the fit's (M, N, 2).
+    learned
+        Covariance of the corners in its last stage (2 N, 2 N).
     """
 
     scans: RigidScans
@@ -45,42 +105,46 @@ class Walk:
     corners: FloatArray
     poses: FloatArray
     costs: FloatArray
-    outlines: FloatArray
     random: np.random.Generator
     learned: FloatArray | None = None
 
     @classmethod
-    def of(cls, scans: RigidScans, fit: Fit) -> Walk:
+    def of(cls, scans: RigidScans, fit: Fit) -> _Walk:
+        """Return it at a fit."""
         costs = fit_poses(scans, fit.corners, fit.poses[:, None], loss(scans), 0)[1][:, 0]
-        return cls(scans, fit, fit.corners, fit.poses, costs, np.empty((0, *fit.corners.shape)), np.random.default_rng(0))
+        return cls(scans, fit, fit.corners, fit.poses, costs, np.random.default_rng(0))
 
     def look_around(self) -> None:
-        """Take scans that the walk does not explain to a better pose farther away, which it may not find by itself."""
+        """Put scans at poses farther away that explain them better, which the walk may not find by itself."""
         poses, costs = best_of(*poses_around(self.scans, Fit(self.corners, self.poses, self.costs)), 1)
-        better = (costs[:, 0] < self.costs - 8.0) & (self.costs > self.scans.readings + 2.0 * np.sqrt(self.scans.readings))
+        better = costs[:, 0] < self.costs - _LOST
         self.poses = np.where(better[:, None], poses[:, 0], self.poses)
         self.costs = np.where(better, costs[:, 0], self.costs)
 
-    def go(self, steps: int) -> None:
-        """Go on by so many steps."""
-        scans, corners, poses = self.scans, self.corners, self.poses
-        size, total = float(np.ptp(corners, axis=0).max()), len(poses)
+    def go(self, steps: int) -> FloatArray:
+        """Go on by so many steps, and return the outlines about their means, turned onto the fit's (steps, N, 2)."""
+        scans, corners, poses, random = self.scans, self.corners, self.poses, self.random
         known = covariances(information(scans, corners, poses), corners, poses)[0]
-        root = _root(known if self.learned is None else self.learned + _KEEP * known, _FARTHEST * size)
-        numbers, random = root.shape[1], self.random
-        size_of = random.choice(_SIZES, size=(steps, 1), p=_SHARES) * _USUAL / np.sqrt(numbers)
-        moves = ((size_of * random.normal(size=(steps, numbers))) @ root.T).reshape(steps, *corners.shape)
-        roots = np.stack([
-            np.linalg.cholesky(bound + _NO_LESS_MM2 * np.eye(3)) for bound in first_guess(scans, Fit(corners, poses, self.costs))
-        ])  # (2, T, 3, 3)
-        shape = (steps, _POSE_TRIES, total)
-        draws = random.normal(size=(*shape, 3)) * random.choice(_POSE_SIZES, size=(*shape, 1))
-        which = random.random((*shape, 1)) < 0.5
-        by = np.where(which, *(np.einsum("tij,nktj->nkti", r, draws, optimize=True) for r in roots))
-        tries = moves, -2.0 * np.log1p(-random.random(steps)), by, -2.0 * np.log1p(-random.random(shape))
-        walked, self.poses, self.costs = walk(scans, corners, poses, self.costs, _follow(scans, corners, poses), tries)
-        self.corners, self.outlines = walked[-1], _onto(walked, self.fit.corners)
-        self.learned = np.cov(self.outlines[steps // 3 :].reshape(-1, corners.size).T)
+        known = known if self.learned is None else self.learned + _KEEP * known
+        root = _root(known, _FARTHEST * float(np.ptp(corners, axis=0).max()))
+        numbers = root.shape[1]
+        sizes = random.choice(_SIZES, size=(steps, 1), p=_SHARES) * _USUAL / np.sqrt(numbers)
+        moves = ((sizes * random.normal(size=(steps, numbers))) @ root.T).reshape(steps, *corners.shape)
+        narrow, wide = (
+            np.linalg.cholesky(bound + _NO_LESS_MM2 * np.eye(3))
+            for bound in bounds_beside(scans, Fit(corners, poses, self.costs))
+        )
+        each = (steps, _POSE_TRIES, len(poses))
+        roots = np.where(random.random((*each, 1, 1)) < 0.5, narrow, wide)
+        draws = random.normal(size=(*each, 3, 1)) * random.choice(_POSE_SIZES, size=(*each, 1, 1))
+        above, pose_above = (-2.0 * np.log1p(-random.random(size)) for size in (steps, each))
+        walked, self.poses, self.costs = walk(
+            scans, corners, poses, self.costs, _follow(scans, corners, poses),
+            (moves, above, (roots @ draws)[..., 0], pose_above),
+        )  # fmt: skip
+        self.corners, outlines = walked[-1], _onto(walked, self.fit.corners)
+        self.learned = np.cov(outlines[steps // 3 :].reshape(-1, corners.size).T)
+        return outlines
 
 
 def _follow(scans: RigidScans, corners: FloatArray, poses: FloatArray) -> FloatArray:
@@ -110,13 +174,3 @@ def _onto(walked: FloatArray, to: FloatArray) -> FloatArray:
     turn = np.arctan2((a[..., 0] * b[:, 1] - a[..., 1] * b[:, 0]).sum(axis=1), (a * b).sum(axis=(1, 2)))
     cos, sin = np.cos(turn)[:, None], np.sin(turn)[:, None]
     return np.stack([cos * a[..., 0] - sin * a[..., 1], sin * a[..., 0] + cos * a[..., 1]], axis=2)
-
-
-def scatter(scans, fit):
-    w = Walk.of(scans, fit)
-    every = []
-    for _ in range(4):
-        w.go(200)
-        every.append(w.outlines)
-    off = (np.concatenate(every[1:]) - (fit.corners - fit.corners.mean(axis=0))) ** 2
-    return float(np.sqrt(off.sum(axis=2).mean(axis=0).max()))
