@@ -20,7 +20,7 @@ from tacstrip.tracking.rigid.pose_spread import bounds_beside
 
 _STAGES, _STEPS = 4, 200  # of a walk, after each of which it has learned; the first one is dropped
 _NEARING, _LASTING, _LONG = 5, 6, 500  # stages until it is where the outlines are likely, and there, of so many steps
-_ELSEWHERE = 4.0  # mean square of the walk's mean about the fit over its variance: it leads elsewhere
+_LEAVES, _ELSEWHERE = 2.5, 3.0  # deviations of the walk's mean from the fit: it goes on, and leads elsewhere
 _STUCK = 0.02  # share of trials taken: the walk is held where it began
 _LOST = 8.0  # of chi square, by which a scan's other pose has to be better to be jumped to
 _SIZES, _SHARES = (0.1, 0.35, 1.0), (0.3, 0.4, 0.3)  # of steps over the usual one, and how often
@@ -64,7 +64,7 @@ def over_all_poses(scans: RigidScans, fit: Fit) -> tuple[float, Likely | None]:
     loosest = float(np.sqrt(((found - middle) ** 2).sum(axis=2).mean(axis=0).max()))
     known = covariances(information(scans, fit.corners, fit.poses), fit.corners, fit.poses)[0]
     stuck = (np.diff(found, axis=0) != 0.0).any(axis=(1, 2)).mean() < _STUCK
-    if reflex(fit.corners).any() or not (stuck or _off(found.mean(axis=0) - middle, known) > _ELSEWHERE):
+    if reflex(fit.corners).any() or not (stuck or _off(found.mean(axis=0) - middle, known) > _LEAVES):
         return loosest, None
     for _ in range(_NEARING):
         way.look_around()
@@ -81,9 +81,9 @@ def over_all_poses(scans: RigidScans, fit: Fit) -> tuple[float, Likely | None]:
 
 
 def _off(step: FloatArray, covariance: FloatArray) -> float:
-    """Return the mean square of a change of shape (N, 2) over its variance."""
+    """Return how large a change of shape (N, 2) is along the axes of a covariance, in deviations, at most."""
     value, vector = np.linalg.eigh(covariance)
-    return float(((step.ravel() @ vector)[3:] ** 2 / value[3:]).mean())
+    return float((np.abs(step.ravel() @ vector)[3:] / np.sqrt(value[3:])).max())
 
 
 @dataclass
