@@ -493,6 +493,10 @@ def judged(of: Scene) -> Verdict:
     found.right &= found.rms <= max(_SIGMAS * stated, _TOLD * of.unit.pitch, _OF_SIZE * size)
     if one.covariance is not None and one.by_scan is None:
         found.shape_square = _shape_square(one, of.outline, shift)
+        first = int(shown[0])
+        true, own = at(of.outline, of.poses[first]), one.placed(first)
+        # a half turn may bring an outline onto itself
+        shift = min(range(len(own)), key=lambda by: float(((np.roll(own, by, axis=0) - true) ** 2).sum()))
         found.pose_squares = [_pose_square(one, of, shift, int(i)) for i in shown]
     return found
 

@@ -20,7 +20,13 @@ from tacstrip.tracking.episodes import Episode
 from tacstrip.tracking.objects import TOLD, Object, Readings, Skin
 from tacstrip.tracking.result import Track
 from tacstrip.tracking.rigid.corners import FIRST, Fit, explained, posed, reflex
-from tacstrip.tracking.rigid.covariance import covariances, following, information, shared_by_strips
+from tacstrip.tracking.rigid.covariance import (
+    covariances,
+    following,
+    information,
+    poses_of_shape,
+    shared_by_strips,
+)
 from tacstrip.tracking.rigid.curved import DISC, ROUNDED, RigidCurve
 from tacstrip.tracking.rigid.found import content
 from tacstrip.tracking.rigid.offsets import not_ruled_out, with_offsets
@@ -139,19 +145,22 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
     corners, first = fit.corners, int(np.argmin(one.shown))
     middle, angle = corners.mean(axis=0), float(fit.poses[first, 2])
     outline, spin = _turned(corners - middle, angle), _turned(np.eye(2), angle)
-    equations = information(one.scans, corners, fit.poses)
+    equations = without = information(one.scans, corners, fit.poses)
     offsets = one.found.offsets
     deviation = offsets.upper if offsets else not_ruled_out(one.scans, fit)
     if deviation:
         equations = with_offsets(one.scans, fit, equations, deviation)
     shape, of_poses = covariances(equations, corners, fit.poses, freer_spline(fit.basis))
+    if one.likely:
+        by_offsets = shape - covariances(without, corners, fit.poses)[0] if deviation else 0.0
+        shape = one.likely.covariance + by_offsets
+        of_poses = poses_of_shape(without, shape)
     order = np.argsort(one.shown)
     wider = following(one.scans.of(order), corners, fit.poses[order])
     found_noise = one.noise_found(read.sigma) ** 2
     of_poses = poses_beside_rivals(one.scans, one.found, of_poses)
     of_poses = found_noise * (of_poses + _shared_by_strips(one, fit, order))
-    of_shape = one.likely.covariance if one.likely else beside_rivals(one.scans, one.found, shape, deviation)
-    shape = found_noise * wider**2 * of_shape
+    shape = found_noise * wider**2 * beside_rivals(one.scans, one.found, shape, deviation)
     kinked = _KINKED if offsets and fit.basis is None and one.scans.strips_touched < FEW_STRIPS else 1.0
     shape *= kinked
     all_spin = np.kron(np.eye(len(corners)), spin.T)
