@@ -306,7 +306,9 @@ def _upright(random: np.random.Generator, size: float, pitch: float) -> Array:
     if kind == "rectangle":
         slopes[:] = -leans[0] * half / high
     (a, b), (p, q) = leans, slopes
-    outline = np.array([(-half - a, -high - p), (half - b, -high + p), (half + b, high + q), (-half + a, high - q)])
+    outline = np.array(
+        [(-half - a, -high - p), (half - b, -high + p), (half + b, high + q), (-half + a, high - q)]
+    )
     if kind == "triangle":
         outline = np.delete(outline, int(random.integers(4)), axis=0)
     outline = counter_clockwise(outline)
@@ -334,7 +336,7 @@ def drawn_way(motion: str, scans: int, random: np.random.Generator, middle_y: fl
         case "across":  # hardly turned
             centre[2] = 0.0
             way = smooth(math.copysign(random.uniform(10.0, 25.0), go), random.uniform(-2.0, 2.0), 0.0)
-            way[:, 2] = np.radians(random.choice([0.0, 3.0])) * random.uniform(-1.0, 1.0) * np.linspace(-0.5, 0.5, scans)
+            way[:, 2] = (t - 0.5) * random.choice([0.0, 1.0]) * random.uniform(-0.05, 0.05)
             return way
         case "turn":
             return smooth(0.0, 0.0, turn)

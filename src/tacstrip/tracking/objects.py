@@ -137,7 +137,7 @@ class Object:
         return Object(shown, [], runs, self.scans.of(kept), Found(fit, np.arange(len(kept))))
 
     def with_likely(self, likely: Likely) -> Object:
-        """Return it with the mean of outlines that are likely; rivals of as many corners are among these, or as unlikely."""
+        """Return it with the mean of outlines that are likely: as rivals only those of another count remain."""
         found, count = self.found, len(likely.fit.corners)
         fit = with_all_poses(self.scans, found.chosen, likely.fit)
         rivals = tuple((rival, worse) for rival, worse in found.rivals if len(rival.corners) != count)

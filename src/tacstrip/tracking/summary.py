@@ -114,8 +114,8 @@ _NO_PATH = (
     "tell of the shape; read both signatures, or move the object smoothly"
 )
 _KINKS = (
-    "sides are so upright that the outline which explains the scans best needs poses that are hardly likely: this is the "
-    "mean of those that are likely; turn the object, to be sure of it"
+    "the outline that explains the scans best needs poses that are hardly likely, at strips beside upright sides: this "
+    "is the mean of those that are likely; turn the object, to be sure of it"
 )
 _CURVED = (
     "an outline of {n} corners stands for a curve, and with one signature on few strips a wrong motion may look like "

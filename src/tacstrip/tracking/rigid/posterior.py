@@ -19,13 +19,20 @@ from tacstrip.tracking.rigid.covariance import covariances, information
 from tacstrip.tracking.rigid.pose_spread import bounds_beside
 
 _STAGES, _STEPS = 4, 200  # of a walk, after each of which it has learned; the first one is dropped
-_NEARING, _LASTING, _LONG = 5, 6, 500  # stages until it is where the outlines are likely, and there, of so many steps
+_NEARING, _LASTING, _LONG = (
+    5,
+    6,
+    500,
+)  # stages until it is where the outlines are likely, and there, of so many steps
 _LEAVES, _ELSEWHERE = 2.5, 3.0  # deviations of the walk's mean from the fit: it goes on, and leads elsewhere
 _STUCK = 0.02  # share of trials taken: the walk is held where it began
 _LOST = 8.0  # of chi square, by which a scan's other pose has to be better to be jumped to
 _SIZES, _SHARES = (0.1, 0.35, 1.0), (0.3, 0.4, 0.3)  # of steps over the usual one, and how often
 _USUAL = 2.4  # deviations of a step over the root of how many numbers it has
-_POSE_SIZES, _POSE_TRIES = (0.3, 1.0, 3.0), 2  # deviations of a pose's steps; tries of each after one of corners
+_POSE_SIZES, _POSE_TRIES = (
+    (0.3, 1.0, 3.0),
+    2,
+)  # deviations of a pose's steps; tries of each after one of corners
 _FARTHEST = 0.2  # of the outline's extent: deviation of steps, at most
 _KEEP = 0.1  # of the bound where the walk is, in the covariance of its steps beside what it has learned
 _GAP = 12.0  # pitches^-2: what is known of an end anywhere within a gap
@@ -149,7 +156,11 @@ class _Walk:
 
 def _follow(scans: RigidScans, corners: FloatArray, poses: FloatArray) -> FloatArray:
     """Return how poses follow corners (T, 3, 2 N), their ends anywhere within the gaps that they lie in."""
-    found, rows, free = information(scans, corners, poses), np.arange(len(poses)), _GAP / scans.sensor.pitch_mm**2
+    found, rows, free = (
+        information(scans, corners, poses),
+        np.arange(len(poses)),
+        _GAP / scans.sensor.pitch_mm**2,
+    )
     pose, mixed = found.pose + LEAST * np.eye(3), found.mixed.copy()
     cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
     x = np.outer(cos, corners[:, 0]) - np.outer(sin, corners[:, 1])
