@@ -137,17 +137,18 @@ class _Walk:
         numbers = root.shape[1]
         sizes = random.choice(_SIZES, size=(steps, 1), p=_SHARES) * _USUAL / np.sqrt(numbers)
         moves = ((sizes * random.normal(size=(steps, numbers))) @ root.T).reshape(steps, *corners.shape)
-        narrow, wide = (
-            np.linalg.cholesky(bound + _NO_LESS_MM2 * np.eye(3))
-            for bound in bounds_beside(scans, Fit(corners, poses, self.costs))
+        bounds = np.stack(bounds_beside(scans, Fit(corners, poses, self.costs)))
+        roots = np.linalg.cholesky(
+            bounds + _NO_LESS_MM2 * np.eye(3)
+        )  # at a kink, then as beside it (2, T, 3, 3)
+        each = (steps, 2, len(poses))
+        draws = random.normal(size=(2, len(poses), 3, steps)) * random.choice(
+            _POSE_SIZES, size=(2, len(poses), 1, steps)
         )
-        each = (steps, _POSE_TRIES, len(poses))
-        roots = np.where(random.random((*each, 1, 1)) < 0.5, narrow, wide)
-        draws = random.normal(size=(*each, 3, 1)) * random.choice(_POSE_SIZES, size=(*each, 1, 1))
         above, pose_above = (-2.0 * np.log1p(-random.random(size)) for size in (steps, each))
         walked, self.poses, self.costs = walk(
             scans, corners, poses, self.costs, _follow(scans, corners, poses),
-            (moves, above, (roots @ draws)[..., 0], pose_above),
+            (moves, above, (roots @ draws).transpose(3, 0, 1, 2), pose_above),
         )  # fmt: skip
         self.corners, outlines = walked[-1], _onto(walked, self.fit.corners)
         self.learned = np.cov(outlines[steps // 3 :].reshape(-1, corners.size).T)
