@@ -198,7 +198,8 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
         told, advice = False, _CURVED.format(n=len(outline))
     some, own = one.scans.of(one.found.chosen), fit.of(one.found.chosen)
     unseen = unseen_corner_mm(some, own, deviation, wider * math.sqrt(found_noise * kinked))
-    if not advice and not one.likely and (concave or few) and fit.basis is None:
+    loose = DEVIATIONS * loosest > unsure
+    if not advice and not loose and not one.likely and (concave or few) and fit.basis is None:
         off, likely = over_all_poses(some, own)
         if likely and not one.shared:
             return summarised(one.with_likely(likely), scans, read, noise)

@@ -24,7 +24,10 @@ _NEARING, _LASTING, _LONG = (
     6,
     500,
 )  # stages until it is where the outlines are likely, and there, of so many steps
-_LEAVES, _ELSEWHERE = 2.5, 3.0  # deviations of the walk's mean from the fit: it goes on, and leads elsewhere
+_LEAVES, _ELSEWHERE = 1.75, 2.0  # deviations of the walk's mean from the fit: it goes on, and leads elsewhere
+# Logarithm of the volume of poses beside the fit's over that of its own, in the mean: the walk goes on, too; and
+# deviations from which on it leads elsewhere, for the bound at such a fit is that of a kink.
+_KINKED, _FROM_KINKS = 1.0, 1.0
 _STUCK = 0.02  # share of trials taken: the walk is held where it began
 _LOST = 8.0  # of chi square, by which a scan's other pose has to be better to be jumped to
 _SIZES, _SHARES = (0.1, 0.35, 1.0), (0.3, 0.4, 0.3)  # of steps over the usual one, and how often
@@ -71,20 +74,28 @@ def over_all_poses(scans: RigidScans, fit: Fit) -> tuple[float, Likely | None]:
     loosest = float(np.sqrt(((found - middle) ** 2).sum(axis=2).mean(axis=0).max()))
     known = covariances(information(scans, fit.corners, fit.poses), fit.corners, fit.poses)[0]
     stuck = (np.diff(found, axis=0) != 0.0).any(axis=(1, 2)).mean() < _STUCK
-    if reflex(fit.corners).any() or not (stuck or _off(found.mean(axis=0) - middle, known) > _LEAVES):
+    kinked = _kinked(scans, fit) > _KINKED
+    leaves = stuck or kinked or _off(found.mean(axis=0) - middle, known) > _LEAVES
+    if reflex(fit.corners).any() or not leaves:
         return loosest, None
     for _ in range(_NEARING):
         way.look_around()
         way.go(_STEPS)
     parts = np.stack([way.go(_LONG) for _ in range(_LASTING)])
     mean = parts.mean(axis=(0, 1))
-    if _off(mean - middle, known) <= _ELSEWHERE:
+    if _off(mean - middle, known) <= (_FROM_KINKS if kinked else _ELSEWHERE):
         return loosest, None
     every, means = parts.reshape(-1, mean.size), parts.mean(axis=1).reshape(len(parts), -1)
     outline = Fit(mean + fit.corners.mean(axis=0), way.poses, way.costs)
     poses, costs = best_of(*poses_around(scans, posed(scans, outline)), 1)
     outline = Fit(outline.corners, poses[:, 0], costs[:, 0])
     return loosest, Likely(outline, fit, np.cov(every.T) + np.cov(means.T))
+
+
+def _kinked(scans: RigidScans, fit: Fit) -> float:
+    """Return how much narrower poses are at the fit than beside it: logarithm of their volumes' ratio, in the mean."""
+    own, beside = (np.linalg.slogdet(bound)[1] for bound in bounds_beside(scans, fit))
+    return 0.5 * float((beside - own).mean())
 
 
 def _off(step: FloatArray, covariance: FloatArray) -> float:
