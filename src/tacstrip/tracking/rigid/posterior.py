@@ -24,7 +24,7 @@ _NEARING, _LASTING, _LONG = (
     6,
     500,
 )  # stages until it is where the outlines are likely, and there, of so many steps
-_LEAVES, _ELSEWHERE = 1.75, 2.0  # deviations of the walk's mean from the fit: it goes on, and leads elsewhere
+_LEAVES, _ELSEWHERE = 2.5, 3.0  # deviations of the walk's mean from the fit: it goes on, and leads elsewhere
 # Logarithm of the volume of poses beside the fit's over that of its own, in the mean: the walk goes on, too; and
 # deviations from which on it leads elsewhere, for the bound at such a fit is that of a kink.
 _KINKED, _FROM_KINKS = 1.0, 1.0
