@@ -40,14 +40,16 @@ LEVEL = 0.95  # of the regions
 class Row:
     """One kind of scene; a scene draws one of each."""
 
-    strips: int | tuple[int, ...] = 10
+    strips: int = 10
     names: tuple[str, ...] = ("kh", "kl")
-    level: float | tuple[float, ...] = 0.005
+    level: float = 0.005
     scans: int | tuple[int, ...] = 50
     shapes: tuple[str, ...] = ("convex",)
     motions: tuple[str, ...] = ("slide", "turn", "both")
     noises: tuple[str, ...] = ("uniform", "normal")
     body: str = "rigid"
+    any_strips: tuple[int, ...] = ()  # a scene draws one of these in the place of `strips`, and of `level`
+    any_level: tuple[float, ...] = ()
 
 
 ROWS = {
@@ -88,7 +90,8 @@ ROWS = {
     "creeps": Row(body="creeps"),
     "blunt": Row(shapes=("random",)),
     "upright sides": Row(
-        strips=(8, 10, 12, 16, 24), level=(0.002, 0.005, 0.01), scans=(30, 60), shapes=("upright",), motions=("across",)
+        scans=(30, 60), shapes=("upright",), motions=("across",),
+        any_strips=(8, 10, 12, 16, 24), any_level=(0.002, 0.005, 0.01),
     ),
 }  # fmt: skip
 
@@ -161,10 +164,10 @@ def scene(name: str, seed: int, number: int, noises: tuple[str, ...] = ()) -> Sc
     """Return a scene of `ROWS`, with other noises where some are named."""
     row = replace(ROWS[name], noises=noises) if noises else ROWS[name]
     random = np.random.default_rng([77, list(ROWS).index(name), seed, number])
-    if isinstance(row.strips, tuple):
-        row = replace(row, strips=int(random.choice(row.strips)))
-    if isinstance(row.level, tuple):
-        row = replace(row, level=float(random.choice(row.level)))
+    if row.any_strips:
+        row = replace(row, strips=int(random.choice(row.any_strips)))
+    if row.any_level:
+        row = replace(row, level=float(random.choice(row.any_level)))
     unit = Unit(row.names, row.strips, _SIDE / row.strips, _SIDE)
     count = row.scans if isinstance(row.scans, int) else int(random.choice(row.scans))
     while True:
