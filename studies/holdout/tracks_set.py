@@ -48,6 +48,8 @@ class Row:
     motions: tuple[str, ...] = ("slide", "turn", "both")
     noises: tuple[str, ...] = ("uniform", "normal")
     body: str = "rigid"
+    any_strips: tuple[int, ...] = ()  # a scene draws one of these in the place of `strips`, and of `level`
+    any_level: tuple[float, ...] = ()
 
 
 ROWS = {
@@ -87,6 +89,10 @@ ROWS = {
     ),
     "creeps": Row(body="creeps"),
     "blunt": Row(shapes=("random",)),
+    "upright sides": Row(
+        scans=(30, 60), shapes=("upright",), motions=("across",),
+        any_strips=(8, 10, 12, 16, 24), any_level=(0.002, 0.005, 0.01),
+    ),
 }  # fmt: skip
 
 
@@ -158,6 +164,10 @@ def scene(name: str, seed: int, number: int, noises: tuple[str, ...] = ()) -> Sc
     """Return a scene of `ROWS`, with other noises where some are named."""
     row = replace(ROWS[name], noises=noises) if noises else ROWS[name]
     random = np.random.default_rng([77, list(ROWS).index(name), seed, number])
+    if row.any_strips:
+        row = replace(row, strips=int(random.choice(row.any_strips)))
+    if row.any_level:
+        row = replace(row, level=float(random.choice(row.any_level)))
     unit = Unit(row.names, row.strips, _SIDE / row.strips, _SIDE)
     count = row.scans if isinstance(row.scans, int) else int(random.choice(row.scans))
     while True:
@@ -169,6 +179,8 @@ def scene(name: str, seed: int, number: int, noises: tuple[str, ...] = ()) -> Sc
             ways = [
                 lane + (drawn_way("both", count, random, lane[1]) - lane) * [0.5, 0.5, 1.0] for lane in lanes
             ]
+        elif kind == "upright":
+            bodies, ways = [_upright(random, size, unit.pitch)], [drawn_way(motion, count, random)]
         elif kind == "small":
             bodies = [drawn_outline("convex", random, unit.pitch * random.uniform(0.5, 1.0))]
             ways = [drawn_way(motion, count, random)]
@@ -283,6 +295,29 @@ def _convex(random: np.random.Generator, clear: bool = True) -> Array:
             return np.asarray(outline)
 
 
+def _upright(random: np.random.Generator, size: float, pitch: float) -> Array:
+    """Return a triangle or quadrilateral about its centroid with one or two sides that lean by up to two pitches."""
+    half = 0.5 * min(pitch * random.uniform(3.0, 8.0), 2.2 * size)
+    high = size * random.uniform(0.5, 0.9)
+    leans, slopes = random.uniform(-1.0, 1.0, 2), high * random.uniform(-0.25, 0.25, 2)
+    leans *= pitch * np.abs(leans)  # half of them by less than half a pitch
+    kind = random.choice(["any", "parallelogram", "trapezoid", "rectangle", "triangle"])
+    if kind in ("parallelogram", "rectangle"):
+        leans[1], slopes[1] = leans[0], slopes[0]
+    if kind == "trapezoid":
+        slopes[1] = slopes[0] = 0.0
+    if kind == "rectangle":
+        slopes[:] = -leans[0] * half / high
+    (a, b), (p, q) = leans, slopes
+    outline = np.array(
+        [(-half - a, -high - p), (half - b, -high + p), (half + b, high + q), (-half + a, high - q)]
+    )
+    if kind == "triangle":
+        outline = np.delete(outline, int(random.integers(4)), axis=0)
+    outline = counter_clockwise(outline)
+    return np.asarray(outline - shapely.get_coordinates(shapely.Polygon(outline).centroid))
+
+
 def drawn_way(motion: str, scans: int, random: np.random.Generator, middle_y: float = 50.0) -> Array:
     """Return poses (T, 3) [mm, mm, rad]."""
     t = np.linspace(0.0, 1.0, scans)
@@ -301,6 +336,11 @@ def drawn_way(motion: str, scans: int, random: np.random.Generator, middle_y: fl
     match motion:
         case "slide":
             return smooth(go, random.uniform(-12.0, 12.0), 0.0)
+        case "across":  # hardly turned
+            centre[2] = 0.0
+            way = smooth(math.copysign(random.uniform(10.0, 25.0), go), random.uniform(-2.0, 2.0), 0.0)
+            way[:, 2] = (t - 0.5) * random.choice([0.0, 1.0]) * random.uniform(-0.05, 0.05)
+            return way
         case "turn":
             return smooth(0.0, 0.0, turn)
         case "both" | "border":
@@ -458,6 +498,10 @@ def judged(of: Scene) -> Verdict:
     found.right &= found.rms <= max(_SIGMAS * stated, _TOLD * of.unit.pitch, _OF_SIZE * size)
     if one.covariance is not None and one.by_scan is None:
         found.shape_square = _shape_square(one, of.outline, shift)
+        first = int(shown[0])
+        true, own = at(of.outline, of.poses[first]), one.placed(first)
+        # a half turn may bring an outline onto itself
+        shift = min(range(len(own)), key=lambda by: float(((np.roll(own, by, axis=0) - true) ** 2).sum()))
         found.pose_squares = [_pose_square(one, of, shift, int(i)) for i in shown]
     return found
 

@@ -1040,6 +1040,17 @@ def test_a_notch_that_few_strips_read_is_not_confident() -> None:
     assert "leave a corner uncertain" in one.advice
 
 
+def test_an_outline_that_puts_strips_onto_upright_sides_is_not_believed() -> None:
+    """It explains the scans best, 2.4 mm off at a stated .4 mm, and needs poses that are hardly likely."""
+    of = scene("upright sides", 3, 58)
+    assert of.outline is not None
+    (one,) = ts.track(of.scans, of.unit.sensor, of.told)
+    assert one.status == "likely"
+    assert "hardly likely" in one.advice
+    assert distance(one.outline, of.outline) < 0.7
+    assert abs(one.area_mm2 - shapely.Polygon(of.outline).area) < 3.0 * one.area_deviation_mm2
+
+
 def test_a_count_that_the_scans_leave_open_is_said() -> None:
     of = scene("ten, 1 %", 1, 0)  # of eight corners one is 1 mm high
     (one,) = ts.track(of.scans, of.unit.sensor, ts.Noise(positional=of.row.level))

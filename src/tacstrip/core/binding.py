@@ -213,8 +213,8 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "rigid_equations": (_DOUBLE, (_SCANS, _LOSS, _POINTER, _INT, *[_POINTER] * 7)),
     "rigid_poses": (None, (_SCANS, _LOSS, _POINTER, _INT, _POINTER, _INT, _INT, _POINTER)),
     "rigid_walk": (
-        _DOUBLE,
-        (_SCANS, _LOSS, _POINTER, _INT, _POINTER, _DOUBLE, *[_POINTER] * 2, _INT, _INT, *[_POINTER] * 2),
+        None,
+        (_SCANS, _LOSS, _POINTER, _INT, *[_POINTER] * 5, _INT, *[_POINTER] * 2, _INT, *[_POINTER] * 2),
     ),
     "rigid_descend": (
         _DOUBLE,

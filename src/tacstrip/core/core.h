@@ -384,13 +384,15 @@ EXPORTED double tacstrip_rigid_equations(const Scans *scans, const Loss *loss, c
 EXPORTED void tacstrip_rigid_poses(const Scans *scans, const Loss *loss, const double *corners, Int count, double *poses,
                                    Int starts, Int steps, double *costs);
 
-/* Metropolis' walk over corners (count, 2), with poses (scans, 3) that follow by so many steps downhill: each trial moves the
-   corners by moves (steps, count, 2), and is taken where it costs less than the last one taken, `cost`, and above (steps,).
-   Writes the corners after each step, walked (steps, count, 2); corners and poses are those of the last. Returns what these cost.
-   workspace (2 count + 3 scans,). */
-EXPORTED double tacstrip_rigid_walk(const Scans *scans, const Loss *loss, double *corners, Int count, double *poses,
-                                    double cost, const double *moves, const double *above, Int steps, Int descents,
-                                    double *walked, double *workspace);
+/* Metropolis' walk over corners (count, 2) and poses (scans, 3), which cost `costs` (scans,): each step tries to move the
+   corners by moves (steps, count, 2) and with them the poses by -follow (scans, 3, 2 count) times that, then each pose by itself
+   by pose_steps (steps, rounds, scans, 3). A trial is taken where it costs less than what it would take the place of and
+   above (steps,), pose_above (steps, rounds, scans). Writes the corners after each step, walked (steps, count, 2); corners,
+   poses and costs are those of the last. workspace (2 count + 4 scans,). */
+EXPORTED void tacstrip_rigid_walk(const Scans *scans, const Loss *loss, double *corners, Int count, double *poses,
+                                  double *costs, const double *follow, const double *moves, const double *above,
+                                  Int steps, const double *pose_steps, const double *pose_above, Int rounds,
+                                  double *walked, double *workspace);
 
 /* Move corners (count, 2), at most SIZE / 2, and poses (scans, 3) downhill together until a step gains less than `enough`.
    Without a prior, null, the pose in the middle stays; a prior holds the frame too. Writes costs (scans,) and returns the

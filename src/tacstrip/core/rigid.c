@@ -198,26 +198,49 @@ void tacstrip_rigid_poses(const Scans *s, const Loss *loss, const double *corner
     }
 }
 
-double tacstrip_rigid_walk(const Scans *s, const Loss *loss, double *corners, Int count, double *poses, double cost,
-                           const double *moves, const double *above, Int steps, Int descents, double *walked,
-                           double *workspace) {
+/* Move one scan's pose, if that costs no more than so much above what it does. */
+static void walk_pose(const Scans *s, const Loss *loss, Int scan, const double *corners, Int count, double *pose,
+                      const double *step, double above, double *cost) {
+  double trial[3];
+  for (int i = 0; i < 3; i++) trial[i] = pose[i] + step[i];
+  double new_cost = scan_equations(s, loss, scan, corners, count, trial, 0);
+  if (!(new_cost < *cost + above)) return;
+  for (int i = 0; i < 3; i++) pose[i] = trial[i];
+  *cost = new_cost;
+}
+
+void tacstrip_rigid_walk(const Scans *s, const Loss *loss, double *corners, Int count, double *poses, double *costs,
+                         const double *follow, const double *moves, const double *above, Int steps,
+                         const double *pose_steps, const double *pose_above, Int rounds, double *walked,
+                         double *workspace) {
   Int size = 2 * count, scans = s->scans;
-  double *trial = workspace, *trial_poses = workspace + size;
+  double *trial = workspace, *trial_poses = trial + size, *trial_costs = trial_poses + 3 * scans;
   CHECK(3 <= count && count <= RIGID_CORNERS);
   for (Int step = 0; step < steps; step++) {
-    double most = cost + above[step], new_cost = 0.0;
-    for (Int i = 0; i < size; i++) trial[i] = corners[i] + moves[step * size + i];
-    for (Int i = 0; i < 3 * scans; i++) trial_poses[i] = poses[i];
-    for (Int i = 0; i < scans && new_cost < most; i++)
-      new_cost += descend_pose(s, loss, i, trial, count, trial_poses + 3 * i, descents);
+    const double *move = moves + step * size;
+    double most = above[step], new_cost = 0.0;
+    for (Int i = 0; i < scans; i++) most += costs[i];
+    for (Int i = 0; i < size; i++) trial[i] = corners[i] + move[i];
+    for (Int i = 0; i < scans && new_cost < most; i++) {
+      for (Int j = 3 * i; j < 3 * i + 3; j++) {
+        trial_poses[j] = poses[j];
+        for (Int k = 0; k < size; k++) trial_poses[j] -= follow[j * size + k] * move[k];
+      }
+      trial_costs[i] = scan_equations(s, loss, i, trial, count, trial_poses + 3 * i, 0);
+      new_cost += trial_costs[i];
+    }
     if (new_cost < most) {
       for (Int i = 0; i < size; i++) corners[i] = trial[i];
       for (Int i = 0; i < 3 * scans; i++) poses[i] = trial_poses[i];
-      cost = new_cost;
+      for (Int i = 0; i < scans; i++) costs[i] = trial_costs[i];
     }
+    for (Int i = 0; i < scans; i++)
+      for (Int j = 0; j < rounds; j++) {
+        Int at = (step * rounds + j) * scans + i;
+        walk_pose(s, loss, i, corners, count, poses + 3 * i, pose_steps + 3 * at, pose_above[at], costs + i);
+      }
     for (Int i = 0; i < size; i++) walked[step * size + i] = corners[i];
   }
-  return cost;
 }
 
 /* U'U of a damped block (3, 3), its diagonal by what divides. */

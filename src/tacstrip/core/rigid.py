@@ -217,38 +217,38 @@ def walk(
     scans: RigidScans,
     corners: FloatArray,
     poses: FloatArray,
-    cost: float,
-    moves: FloatArray,
-    above: FloatArray,
-    steps: int,
-) -> tuple[FloatArray, FloatArray, float]:
-    """Return the corners after each step of Metropolis' walk (M, N, 2), the last one's poses (T, 3) and its cost.
+    costs: FloatArray,
+    follow: FloatArray,
+    tries: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the corners after each step of Metropolis' walk (M, N, 2), the last one's poses (T, 3) and costs (T,).
+
+    Of corners and poses alike: the outlines that it meets are as likely as they are with all their poses together.
 
     Parameters
     ----------
     scans
         That the walk is to explain, by least squares.
-    corners, poses, cost
-        Where it begins: (N, 2) [mm], (T, 3) and chi square.
-    moves
-        Of the corners, trial by trial (M, N, 2) [mm].
-    above
-        By how much a trial may cost more than the last one that was taken (M,).
-    steps
-        Of a trial's poses downhill, each by itself.
+    corners, poses, costs
+        Where it begins: (N, 2) [mm], (T, 3) and chi square of each scan (T,).
+    follow
+        How the poses are moved as the corners are tried elsewhere: by -follow (T, 3, 2 N) times that.
+    tries
+        By how much the corners are moved (M, N, 2) [mm], and by how much that may cost more (M,); then each pose, some
+        times by itself (M, K, T, 3), likewise (M, K, T).
     """
-    core, how = exported("rigid_walk"), loss(scans)
+    core = exported("rigid_walk")
     if core is None or len(corners) > RIGID_CORNERS:
-        return _plain_walk(scans, corners, poses, cost, moves, above, steps)
-    corners, poses, walked = np.array(corners), np.array(poses), np.empty(moves.shape)
-    moves, above, workspace = (
-        np.ascontiguousarray(moves),
-        np.ascontiguousarray(above),
-        np.empty(corners.size + poses.size),
-    )
-    given = (at(corners), len(corners), at(poses), cost, at(moves), at(above), len(moves), steps)
-    cost = core(scans.compiled, how, *given, at(walked), at(workspace))
-    return walked, poses, cost
+        return _plain_walk(scans, corners, poses, costs, follow, tries)
+    corners, poses, costs = np.array(corners), np.array(poses), np.array(costs)
+    moves, above, pose_steps, pose_above = map(np.ascontiguousarray, tries)
+    follow, walked = np.ascontiguousarray(follow), np.empty(moves.shape)
+    workspace = np.empty(corners.size + 4 * len(poses))
+    core(
+        scans.compiled, loss(scans), at(corners), len(corners), at(poses), at(costs), at(follow), at(moves), at(above),
+        len(moves), at(pose_steps), at(pose_above), pose_steps.shape[1], at(walked), at(workspace),
+    )  # fmt: skip
+    return walked, poses, costs
 
 
 def descend(
@@ -502,19 +502,24 @@ def _plain_walk(
     scans: RigidScans,
     corners: FloatArray,
     poses: FloatArray,
-    cost: float,
-    moves: FloatArray,
-    above: FloatArray,
-    steps: int,
-) -> tuple[FloatArray, FloatArray, float]:
+    costs: FloatArray,
+    follow: FloatArray,
+    tries: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Do as `walk`."""
-    walked = np.empty(moves.shape)
-    for i, (move, most) in enumerate(zip(moves, above, strict=True)):
-        trial, costs = _plain_fit_poses(scans, corners + move, poses, loss(scans), steps)
-        if costs.sum() < cost + most:
-            corners, poses, cost = corners + move, trial, float(costs.sum())
+    moves, above, pose_steps, pose_above = tries
+    walked, how = np.empty(moves.shape), loss(scans)
+    for i, move in enumerate(moves):
+        trial = poses - follow @ move.ravel()
+        new = plain_equations(scans, corners + move, trial, how).costs
+        if new.sum() < costs.sum() + above[i]:
+            corners, poses, costs = corners + move, trial, new
+        for step, most in zip(pose_steps[i], pose_above[i], strict=True):
+            new = plain_equations(scans, corners, poses + step, how).costs
+            taken = new < costs + most
+            poses, costs = np.where(taken[:, None], poses + step, poses), np.where(taken, new, costs)
         walked[i] = corners
-    return walked, poses, cost
+    return walked, poses, costs
 
 
 def _plain_descend(

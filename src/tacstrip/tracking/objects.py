@@ -15,7 +15,8 @@ from tacstrip.reconstruction.seam import opened
 from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.rigid.corners import Fit, posed
 from tacstrip.tracking.rigid.curved import RigidCurve
-from tacstrip.tracking.rigid.found import Found, content
+from tacstrip.tracking.rigid.found import Found, content, with_all_poses
+from tacstrip.tracking.rigid.posterior import Likely
 from tacstrip.tracking.rigid.search import LEAST_STRIPS
 from tacstrip.tracking.shared_strips.known import Alone, Shared
 from tacstrip.tracking.strays import set_aside, strays_over_time
@@ -48,6 +49,7 @@ class Object:
     """The scans that show one object by itself, its readings there, and what was found; and with others.
 
     `alike`: one of those that share strips with it has its shape. `curve`: it is one, and no polygon.
+    `likely`: outlines that are, where the fit that explains it best is none of them; `found` has their mean then.
     `begun`: what searches that were not thorough found: of all readings, then without those that stray.
     """
 
@@ -59,6 +61,7 @@ class Object:
     shared: tuple[Shared, ...] = ()
     alike: bool = False
     curve: RigidCurve | None = None
+    likely: Likely | None = None
     begun: tuple[Found, ...] = field(default=(), repr=False)
 
     def explained(self, distribution: str) -> bool:
@@ -132,6 +135,13 @@ class Object:
         fit = Fit(fit.corners, fit.poses[kept], fit.costs[kept])
         shown, runs = [self.shown[i] for i in kept], [self.runs[i] for i in kept]
         return Object(shown, [], runs, self.scans.of(kept), Found(fit, np.arange(len(kept))))
+
+    def with_likely(self, likely: Likely) -> Object:
+        """Return it with the mean of outlines that are likely: as rivals only those of another count remain."""
+        found, count = self.found, len(likely.fit.corners)
+        fit = with_all_poses(self.scans, found.chosen, likely.fit)
+        rivals = tuple((rival, worse) for rival, worse in found.rivals if len(rival.corners) != count)
+        return replace(self, found=replace(found, fit=fit, rivals=rivals), likely=likely)
 
     def with_shared(self, more: Shared) -> Object:
         """Return it with scans in which it shares strips, and the outline that they sharpened."""

@@ -20,11 +20,17 @@ from tacstrip.tracking.episodes import Episode
 from tacstrip.tracking.objects import TOLD, Object, Readings, Skin
 from tacstrip.tracking.result import Track
 from tacstrip.tracking.rigid.corners import FIRST, Fit, explained, posed, reflex
-from tacstrip.tracking.rigid.covariance import covariances, following, information, shared_by_strips
+from tacstrip.tracking.rigid.covariance import (
+    covariances,
+    following,
+    information,
+    poses_of_shape,
+    shared_by_strips,
+)
 from tacstrip.tracking.rigid.curved import DISC, ROUNDED, RigidCurve
 from tacstrip.tracking.rigid.found import content
 from tacstrip.tracking.rigid.offsets import not_ruled_out, with_offsets
-from tacstrip.tracking.rigid.posterior import scatter
+from tacstrip.tracking.rigid.posterior import over_all_poses
 from tacstrip.tracking.rigid.rivals import (
     beside_rivals,
     notch_gain,
@@ -107,6 +113,10 @@ _NO_PATH = (
     "one signature on few strips, and no smooth motion explains the scans: the poses take up most of what the scans "
     "tell of the shape; read both signatures, or move the object smoothly"
 )
+_KINKS = (
+    "the outline that explains the scans best needs poses that are hardly likely, at strips beside upright sides: this "
+    "is the mean of those that are likely; turn the object, to be sure of it"
+)
 _CURVED = (
     "an outline of {n} corners stands for a curve, and with one signature on few strips a wrong motion may look like "
     "one: read both signatures"
@@ -135,12 +145,16 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
     corners, first = fit.corners, int(np.argmin(one.shown))
     middle, angle = corners.mean(axis=0), float(fit.poses[first, 2])
     outline, spin = _turned(corners - middle, angle), _turned(np.eye(2), angle)
-    equations = information(one.scans, corners, fit.poses)
+    equations = without = information(one.scans, corners, fit.poses)
     offsets = one.found.offsets
     deviation = offsets.upper if offsets else not_ruled_out(one.scans, fit)
     if deviation:
         equations = with_offsets(one.scans, fit, equations, deviation)
     shape, of_poses = covariances(equations, corners, fit.poses, freer_spline(fit.basis))
+    if one.likely:
+        by_offsets = shape - covariances(without, corners, fit.poses)[0] if deviation else 0.0
+        shape = one.likely.covariance + by_offsets
+        of_poses = poses_of_shape(without, shape)
     order = np.argsort(one.shown)
     wider = following(one.scans.of(order), corners, fit.poses[order])
     found_noise = one.noise_found(read.sigma) ** 2
@@ -158,13 +172,13 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
     poses[:, 0] += skin.span.start * sensor.pitch_mm
     poses[:, 2] = less_than_half_turns(poses[:, 2])
     advice, note, alone = "", "", None
-    rigid = content(one.scans, fit, read.distribution)
+    rigid = bool(one.likely) or content(one.scans, fit, read.distribution)
     if one.scans.strips_touched < LEAST_STRIPS and not one.shared:
         advice = _SMALL
     elif not rigid:
         times = math.sqrt(fit.cost / fit.freedom(one.scans))
         advice = _NOT_RIGID.format(times=figures(times, 3), unit=_uncalibrated(one, sensor))
-    elif (gain := _strain_gain(one)) > _STRAINED:
+    elif not one.likely and (gain := _strain_gain(one)) > _STRAINED:
         rigid, advice = False, _STRAINS.format(gain=figures(gain, 3), unit=_uncalibrated(one, sensor))
     if not rigid:
         alone = SingleScans(scans, dict(zip(one.shown, one.runs, strict=True)), sensor, noise)
@@ -184,8 +198,12 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
         told, advice = False, _CURVED.format(n=len(outline))
     some, own = one.scans.of(one.found.chosen), fit.of(one.found.chosen)
     unseen = unseen_corner_mm(some, own, deviation, wider * math.sqrt(found_noise * kinked))
-    if not advice and (concave or few) and fit.basis is None:
-        loosest = max(loosest, scatter(some, own))
+    loose = DEVIATIONS * loosest > unsure
+    if not advice and not loose and not one.likely and (concave or few) and fit.basis is None:
+        off, likely = over_all_poses(some, own)
+        if likely and not one.shared:
+            return summarised(one.with_likely(likely), scans, read, noise)
+        loosest = max(loosest, off)
     if not advice and DEVIATIONS * loosest > unsure:
         told, advice = False, _LOOSE.format(far=figures(DEVIATIONS * loosest))
     elif not advice and (other := one.found.of_other_count(_COUNTED * sensor.pitch_mm)):
@@ -206,7 +224,8 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
         wander = [_WANDERS.format(times=figures(wider))] * (wider > 1.0)
         # scans that it shares strips in tell more, and are not among these
         hides = [_UNSEEN.format(far=figures(unseen.max()))] * bool(unseen.max() > unsure and not one.shared)
-        note = "; ".join([_CONCAVE] * concave + [_SMOOTH] * tied + wander + hides)
+        kinks = [_KINKS] * bool(one.likely)
+        note = "; ".join([_CONCAVE] * concave + [_SMOOTH] * tied + kinks + wander + hides)
     parted = bool(one.joint) and max(one.shown) > min(one.joint)
     more_advice = (
         [_LOOKS_ALIKE] if one.alike and parted and not one.shared else [m.advice for m in one.shared]
@@ -314,13 +333,13 @@ def _strain_gain(one: Object) -> float:
 
 def _with_a_corner_cut(one: Object) -> Object | None:
     """Return the object with the rival of which a corner is two, where few strips or one signature allow that."""
-    fit, chosen = one.found.fit, one.found.chosen
+    fit, chosen = one.likely.best if one.likely else one.found.fit, one.found.chosen
     few = one.scans.strips_touched < FEW_STRIPS or len(one.scans.read) == 1
     part = fit.basis is not None and len(chosen) < len(fit.poses)
     shared = bool(one.shared)  # scans that it shares strips in have sharpened it, and are not among these
     if shared or not few or part or len(fit.corners) + 1 >= FIRST or reflex(fit.corners).any():
         return None
-    some, fit = one.scans.of(chosen), replace(fit, poses=fit.poses[chosen], costs=fit.costs[chosen])
+    some, fit = one.scans.of(chosen), fit if one.likely else fit.of(chosen)
     cut = with_a_corner_cut(some, fit, _COUNTED * some.sensor.pitch_mm)
     if cut is None:
         return None

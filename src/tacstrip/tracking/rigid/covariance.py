@@ -61,6 +61,12 @@ def covariances(
     return np.asarray(inner @ pinned @ inner.T), np.asarray(of_poses)
 
 
+def poses_of_shape(found: Equations, shape: FloatArray) -> FloatArray:
+    """Return the covariances (T, 3, 3) of free poses that follow corners whose covariance is given (2 N, 2 N)."""
+    _, _, inverse, follow = without_poses(found, None)
+    return np.asarray(inverse + follow @ shape @ follow.transpose(0, 2, 1))
+
+
 def information(scans: RigidScans, corners: FloatArray, poses: FloatArray) -> Equations:
     """Return the equations that `covariances` are of: without the ends, for inside a gap they tell nothing.
 

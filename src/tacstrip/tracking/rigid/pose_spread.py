@@ -71,7 +71,7 @@ def beyond_the_bound(scans: RigidScans, fit: Fit) -> FloatArray:
 
 def _beyond_the_bound(scans: RigidScans, fit: Fit) -> FloatArray:
     random, total = np.random.default_rng(0), len(fit.poses)
-    bound, covariance = _first_guess(scans, fit)
+    bound, covariance = bounds_beside(scans, fit)
     mean, squares, left = np.zeros((total, 3)), np.zeros((total, 3, 3)), np.arange(total)
     least = _LEAST_FEW if scans.strips_touched < FEW_STRIPS else _LEAST
     empty = np.empty((total, 0))
@@ -99,7 +99,7 @@ def _beyond_the_bound(scans: RigidScans, fit: Fit) -> FloatArray:
     return np.asarray((vector * np.maximum(value, 0.0)[:, None]) @ vector.transpose(0, 2, 1))
 
 
-def _first_guess(scans: RigidScans, fit: Fit) -> tuple[FloatArray, FloatArray]:
+def bounds_beside(scans: RigidScans, fit: Fit) -> tuple[FloatArray, FloatArray]:
     """Return the bound at the fit's poses, the outline known, and the mean of those beside them (T, 3, 3).
 
     At a kink the fit's own may be much narrower than what is likely.

@@ -1,53 +1,188 @@
-"""How far the corners of an outline may be off, by a walk over outlines that explain the readings.
+"""Outlines that explain the readings, each as likely as it is with all its poses, by a walk over both.
 
-The bound at the best fit is that of a straight line through it. The corner of a notch that few strips read may lie in a
-long bent valley, or at a kink of it where a strip passes the corner: there the bound is much too small.
+The best fit is that of outlines each with its best poses. Where a strip passes a corner, or a side that is nearly
+upright, a pose has a kink: one that explains its scan may lie in so narrow a place that it is hardly likely. An outline
+that needs such poses in many scans may fit best and be wrong (as where structural and incidental parameters are fitted
+together: Neyman and Scott 1948), and the bound at the best fit is that of a straight line through it.
 """
 
 from __future__ import annotations
 
-import itertools
-import math
+from dataclasses import dataclass
 
 import numpy as np
 
 from tacstrip.arrays import FloatArray
-from tacstrip.core.rigid import RigidScans, walk
-from tacstrip.tracking.rigid.corners import Fit
+from tacstrip.core.rigid import LEAST, RigidScans, fit_poses, loss, walk
+from tacstrip.tracking.rigid.corners import Fit, best_of, posed, poses_around, reflex
 from tacstrip.tracking.rigid.covariance import covariances, information
+from tacstrip.tracking.rigid.pose_spread import bounds_beside
 
-# Of the walk, the first third of it dropped; when its steps follow it.
-_STEPS, _DROPPED, _ADAPTED = 800, 3, (131, 261)
-_SIZES, _SHARES = (0.35, 1.0, 3.0), (0.3, 0.5, 0.2)  # of steps over the usual one, and how often
+_STAGES, _STEPS = 4, 200  # of a walk, after each of which it has learned; the first one is dropped
+_NEARING, _LASTING, _LONG = (
+    5,
+    6,
+    500,
+)  # stages until it is where the outlines are likely, and there, of so many steps
+_LEAVES, _ELSEWHERE = 2.5, 3.0  # deviations of the walk's mean from the fit: it goes on, and leads elsewhere
+# Logarithm of the volume of poses beside the fit's over that of its own, in the mean: the walk goes on, too; and
+# deviations from which on it leads elsewhere, for the bound at such a fit is that of a kink.
+_KINKED, _FROM_KINKS = 1.0, 1.0
+_STUCK = 0.02  # share of trials taken: the walk is held where it began
+_LOST = 8.0  # of chi square, by which a scan's other pose has to be better to be jumped to
+_SIZES, _SHARES = (0.1, 0.35, 1.0), (0.3, 0.4, 0.3)  # of steps over the usual one, and how often
 _USUAL = 2.4  # deviations of a step over the root of how many numbers it has
-_POSES = 3  # steps of each scan's pose on a new outline
+_POSE_SIZES, _POSE_TRIES = (
+    (0.3, 1.0, 3.0),
+    2,
+)  # deviations of a pose's steps; tries of each after one of corners
 _FARTHEST = 0.2  # of the outline's extent: deviation of steps, at most
-_KEEP = 0.3  # of the first steps' covariance, in what the walk has learned
+_KEEP = 0.1  # of the bound where the walk is, in the covariance of its steps beside what it has learned
+_GAP = 12.0  # pitches^-2: what is known of an end anywhere within a gap
+_NO_LESS_MM2 = 1e-10  # of a pose's covariance: exact readings leave hardly any
 
 
-def scatter(scans: RigidScans, fit: Fit) -> float:
-    """Return how far a fit's least certain corner may be off [mm]: root of the mean square.
+@dataclass(frozen=True, eq=False)
+class Likely:
+    """The outlines that are likely.
 
-    Metropolis' walk over the corners, with the poses that fit best, each scan's by itself.
+    Attributes
+    ----------
+    fit
+        Their mean, with its best poses.
+    best
+        The fit that explains the scans best, and is not among them.
+    covariance
+        Of its corners (2 N, 2 N) [mm^2], that of so long a walk included.
     """
-    random, count = np.random.default_rng(0), len(fit.corners)
-    size = float(np.ptp(fit.corners, axis=0).max())
+
+    fit: Fit
+    best: Fit
+    covariance: FloatArray
+
+
+def over_all_poses(scans: RigidScans, fit: Fit) -> tuple[float, Likely | None]:
+    """Return how far a fit's least certain corner may be off [mm], root of the mean square; what is likely elsewhere.
+
+    None where the fit is among the outlines that are likely, and of concave ones: how deep a notch is, few scans tell.
+    """
+    way, walked = _Walk.of(scans, fit), list[FloatArray]()
+    for _ in range(_STAGES):
+        walked.append(way.go(_STEPS))
+    middle = fit.corners - fit.corners.mean(axis=0)
+    found = np.concatenate(walked[1:])
+    loosest = float(np.sqrt(((found - middle) ** 2).sum(axis=2).mean(axis=0).max()))
     known = covariances(information(scans, fit.corners, fit.poses), fit.corners, fit.poses)[0]
-    first = root = _root(known, _FARTHEST * size)
-    numbers = root.shape[1]
-    steps = random.choice(_SIZES, size=(_STEPS, 1), p=_SHARES) * _USUAL / math.sqrt(numbers)
-    draws = steps * random.normal(size=(_STEPS, numbers))
-    above = -2.0 * np.log1p(-random.random(_STEPS))
-    corners, poses, cost, here = fit.corners, fit.poses, fit.cost, np.empty((0, count, 2))
-    for begin, end in itertools.pairwise((0, *_ADAPTED, _STEPS)):
-        if begin:
-            learned = np.cov(here[begin // 2 :].reshape(-1, 2 * count).T)
-            root = _root(learned + _KEEP * first @ first.T, _FARTHEST * size)
-        moves = (draws[begin:end] @ root.T).reshape(-1, count, 2)
-        walked, poses, cost = walk(scans, corners, poses, cost, moves, above[begin:end], _POSES)
-        corners, here = walked[-1], np.concatenate([here, _onto(walked, fit.corners)])
-    off = (here[_STEPS // _DROPPED :] - (fit.corners - fit.corners.mean(axis=0))) ** 2
-    return math.sqrt(float(off.sum(axis=2).mean(axis=0).max()))
+    stuck = (np.diff(found, axis=0) != 0.0).any(axis=(1, 2)).mean() < _STUCK
+    kinked = _kinked(scans, fit) > _KINKED
+    leaves = stuck or kinked or _off(found.mean(axis=0) - middle, known) > _LEAVES
+    if reflex(fit.corners).any() or not leaves:
+        return loosest, None
+    for _ in range(_NEARING):
+        way.look_around()
+        way.go(_STEPS)
+    parts = np.stack([way.go(_LONG) for _ in range(_LASTING)])
+    mean = parts.mean(axis=(0, 1))
+    if _off(mean - middle, known) <= (_FROM_KINKS if kinked else _ELSEWHERE):
+        return loosest, None
+    every, means = parts.reshape(-1, mean.size), parts.mean(axis=1).reshape(len(parts), -1)
+    outline = Fit(mean + fit.corners.mean(axis=0), way.poses, way.costs)
+    poses, costs = best_of(*poses_around(scans, posed(scans, outline)), 1)
+    outline = Fit(outline.corners, poses[:, 0], costs[:, 0])
+    return loosest, Likely(outline, fit, np.cov(every.T) + np.cov(means.T))
+
+
+def _kinked(scans: RigidScans, fit: Fit) -> float:
+    """Return how much narrower poses are at the fit than beside it: logarithm of their volumes' ratio, in the mean."""
+    own, beside = (np.linalg.slogdet(bound)[1] for bound in bounds_beside(scans, fit))
+    return 0.5 * float((beside - own).mean())
+
+
+def _off(step: FloatArray, covariance: FloatArray) -> float:
+    """Return how large a change of shape (N, 2) is along the axes of a covariance, in deviations, at most."""
+    value, vector = np.linalg.eigh(covariance)
+    return float((np.abs(step.ravel() @ vector)[3:] / np.sqrt(value[3:])).max())
+
+
+@dataclass
+class _Walk:
+    """A walk of Metropolis' over outlines and poses.
+
+    Attributes
+    ----------
+    scans, fit
+        What it is to explain, and where it began.
+    corners, poses, costs
+        Where it is: (N, 2) [mm], (T, 3) and chi square of each scan (T,).
+    learned
+        Covariance of the corners in its last stage (2 N, 2 N).
+    """
+
+    scans: RigidScans
+    fit: Fit
+    corners: FloatArray
+    poses: FloatArray
+    costs: FloatArray
+    random: np.random.Generator
+    learned: FloatArray | None = None
+
+    @classmethod
+    def of(cls, scans: RigidScans, fit: Fit) -> _Walk:
+        """Return it at a fit."""
+        costs = fit_poses(scans, fit.corners, fit.poses[:, None], loss(scans), 0)[1][:, 0]
+        return cls(scans, fit, fit.corners, fit.poses, costs, np.random.default_rng(0))
+
+    def look_around(self) -> None:
+        """Put scans at poses farther away that explain them better, which the walk may not find by itself."""
+        poses, costs = best_of(*poses_around(self.scans, Fit(self.corners, self.poses, self.costs)), 1)
+        better = costs[:, 0] < self.costs - _LOST
+        self.poses = np.where(better[:, None], poses[:, 0], self.poses)
+        self.costs = np.where(better, costs[:, 0], self.costs)
+
+    def go(self, steps: int) -> FloatArray:
+        """Go on by so many steps, and return the outlines about their means, turned onto the fit's (steps, N, 2)."""
+        scans, corners, poses, random = self.scans, self.corners, self.poses, self.random
+        known = covariances(information(scans, corners, poses), corners, poses)[0]
+        known = known if self.learned is None else self.learned + _KEEP * known
+        root = _root(known, _FARTHEST * float(np.ptp(corners, axis=0).max()))
+        numbers = root.shape[1]
+        sizes = random.choice(_SIZES, size=(steps, 1), p=_SHARES) * _USUAL / np.sqrt(numbers)
+        moves = ((sizes * random.normal(size=(steps, numbers))) @ root.T).reshape(steps, *corners.shape)
+        bounds = np.stack(bounds_beside(scans, Fit(corners, poses, self.costs)))
+        roots = np.linalg.cholesky(
+            bounds + _NO_LESS_MM2 * np.eye(3)
+        )  # at a kink, then as beside it (2, T, 3, 3)
+        each = (steps, 2, len(poses))
+        draws = random.normal(size=(2, len(poses), 3, steps)) * random.choice(
+            _POSE_SIZES, size=(2, len(poses), 1, steps)
+        )
+        above, pose_above = (-2.0 * np.log1p(-random.random(size)) for size in (steps, each))
+        walked, self.poses, self.costs = walk(
+            scans, corners, poses, self.costs, _follow(scans, corners, poses),
+            (moves, above, (roots @ draws).transpose(3, 0, 1, 2), pose_above),
+        )  # fmt: skip
+        self.corners, outlines = walked[-1], _onto(walked, self.fit.corners)
+        self.learned = np.cov(outlines[steps // 3 :].reshape(-1, corners.size).T)
+        return outlines
+
+
+def _follow(scans: RigidScans, corners: FloatArray, poses: FloatArray) -> FloatArray:
+    """Return how poses follow corners (T, 3, 2 N), their ends anywhere within the gaps that they lie in."""
+    found, rows, free = (
+        information(scans, corners, poses),
+        np.arange(len(poses)),
+        _GAP / scans.sensor.pitch_mm**2,
+    )
+    pose, mixed = found.pose + LEAST * np.eye(3), found.mixed.copy()
+    cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    x = np.outer(cos, corners[:, 0]) - np.outer(sin, corners[:, 1])
+    for i in (x.argmin(axis=1), x.argmax(axis=1)):
+        y = sin * corners[i, 0] + cos * corners[i, 1]
+        by_pose = np.stack([np.ones_like(y), np.zeros_like(y), -y], axis=1)
+        pose += free * by_pose[:, :, None] * by_pose[:, None]
+        mixed[rows, :, 2 * i] += free * cos[:, None] * by_pose
+        mixed[rows, :, 2 * i + 1] -= free * sin[:, None] * by_pose
+    return np.asarray(np.linalg.solve(pose, mixed))
 
 
 def _root(covariance: FloatArray, most: float) -> FloatArray:
