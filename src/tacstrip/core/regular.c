@@ -19,9 +19,14 @@ enum { LOG_PRIOR, MISFIT, LOWEST };
 #define UNTOUCHED 1e3 /* half chi square of a strip that an outline misses; one may lie on an end */
 #define NEVER -1e9    /* log prior of what cannot be */
 #define FIRST_DRAWN 4 /* particles to begin with, for one */
+#ifndef SWEEPS
 #define SWEEPS 3
+#endif
 #define LEVELS 60
-#define ENOUGH 0.5 /* of the particles, that a level leaves */
+#ifndef ENOUGH
+#define ENOUGH 0.5
+#endif
+///* of the particles, that a level leaves */
 #define SMALLEST 1e-12
 #define HALVINGS 13
 #define HOPELESS 8.0 /* of the log evidence, by which a kind is given up */
@@ -378,6 +383,11 @@ void tacstrip_sample_regular(const Problem *problem, const RegularPlace *place, 
         for (Int i = 0; i < particles; i++) copy_particle(to_z, to_own, i, z, own, i);
       }
       next_level(&r, on + c, z, own, level ? particles : drawn, level == 0, share, particles, to_z, to_own);
+      if (on[c].evidence < 0.5 * NEVER) { /* none of them can be */
+        on[c].running = 0;
+        on[c].power = 0.0;
+        continue;
+      }
       for (int i = 0; i < SWEEPS; i++) sweep(&r, c / 2, c % 2, on[c].power, to_z, to_own, particles);
       if (on[c].power > 1.0 - 1e-9) best = larger(best, on[c].evidence);
     }
