@@ -19,14 +19,9 @@ enum { LOG_PRIOR, MISFIT, LOWEST };
 #define UNTOUCHED 1e3 /* half chi square of a strip that an outline misses; one may lie on an end */
 #define NEVER -1e9    /* log prior of what cannot be */
 #define FIRST_DRAWN 4 /* particles to begin with, for one */
-#ifndef SWEEPS
-#define SWEEPS 3
-#endif
+#define SWEEPS 6
 #define LEVELS 60
-#ifndef ENOUGH
-#define ENOUGH 0.5
-#endif
-///* of the particles, that a level leaves */
+#define ENOUGH 0.5 /* of the particles, that a level leaves */
 #define SMALLEST 1e-12
 #define HALVINGS 13
 #define HOPELESS 8.0 /* of the log evidence, by which a kind is given up */
@@ -315,7 +310,7 @@ static void next_level(Regular *r, Progress *on, const double *z, const double *
   }
   for (Int i = 0; i < count; i++) sum += share[i];
   on->evidence += most + natural_log(sum / (double)count);
-  on->power = smaller(on->power + step, 1.0);
+  on->power = on->power + step < 1.0 - 1e-9 ? on->power + step : 1.0;
   double place = random(r);
   for (Int i = 0, from = 0; i < particles; i++) {
     double at = sum * (place + (double)i) / (double)particles;
@@ -389,7 +384,7 @@ void tacstrip_sample_regular(const Problem *problem, const RegularPlace *place, 
         continue;
       }
       for (int i = 0; i < SWEEPS; i++) sweep(&r, c / 2, c % 2, on[c].power, to_z, to_own, particles);
-      if (on[c].power > 1.0 - 1e-9) best = larger(best, on[c].evidence);
+      if (on[c].power == 1.0) best = larger(best, on[c].evidence);
     }
     int running = 0;
     for (Int c = 0; c < 2 * REGULAR_KINDS; c++) {
@@ -398,7 +393,7 @@ void tacstrip_sample_regular(const Problem *problem, const RegularPlace *place, 
       for (Int i = 0; i < particles; i++) least = smaller(least, values[(c * particles + i) * VALUES + MISFIT]);
       /* What is left to gain: misfits are above their least by 1/2 a number at this temperature, here twice that. */
       double hope = on[c].evidence - left * larger(least - free[c / 2] / on[c].power, 0.0);
-      on[c].running = left > 1e-9 && hope > best - HOPELESS;
+      on[c].running = left > 0.0 && hope > best - HOPELESS;
       running |= on[c].running;
     }
     if (!running) break;

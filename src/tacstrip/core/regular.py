@@ -48,15 +48,6 @@ class Particles:
     power: FloatArray
 
 
-def regular_place(
-    window: tuple[float, float, float, float], aspect: float, borders: IntArray
-) -> RegularPlace:
-    """Return where outlines may lie: ends between two x each, width over length, and which borders they may cross."""
-    place = RegularPlace(window, aspect, len(borders))
-    place.border[: len(borders)] = borders.tolist()
-    return place
-
-
 def regular_values(
     problem: FitProblem,
     place: RegularPlace,

@@ -23,7 +23,6 @@ KINDS = (
     "trapezoid",
 )
 DISC, ELLIPSE, SEGMENT, UPRIGHT, RECTANGLE, TRAPEZOID, TURNED = range(7)
-FREE = (0, 2, 2, 2, 3, 3, 4)  # numbers that make one, besides its ends
 # Numbers uniform in 0 to 1: the ends, ratio of the axes, turn, two of the kind, and which part is over which border.
 NUMBERS = 8
 LEFT, RIGHT, RATIO, TURN, FIRST, SECOND, PART, BORDER = range(NUMBERS)

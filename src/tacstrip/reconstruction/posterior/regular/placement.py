@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
+from tacstrip.core.binding import RegularPlace
 from tacstrip.core.problem import FitProblem
 from tacstrip.reconstruction.posterior.regular.kinds import (
     BORDER,
@@ -59,6 +60,13 @@ class Placement:
         beyond = 0.5 * problem.pitch - 1e-9  # an end that cannot lie so far out is at the sensor's side
         borders = np.flatnonzero([-window[0] < beyond, window[3] - 1.0 < beyond, True, True])
         return cls(window, borders, problem.width_mm / problem.length_mm)
+
+    @property
+    def compiled(self) -> RegularPlace:
+        """The same for the compiled core."""
+        place = RegularPlace(self.window, self.aspect, len(self.borders))
+        place.border[: len(self.borders)] = self.borders.tolist()
+        return place
 
     def placed(self, some: Outlines, at: Floats) -> Placed:
         """Return outlines at x (G,) or (K, G)."""
