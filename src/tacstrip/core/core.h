@@ -377,10 +377,10 @@ EXPORTED void tacstrip_regular_values(const Problem *problem, const RegularPlace
                                       const double *numbers, Int count, double *values);
 
 /* Particles of each kind, inside and over a border: numbers (14, particles, 8) and values (14, particles, 3), and the log
-   evidence (14,) at the power (14,) of the likelihood where each was given up, 1 where it was not. `best`: log evidence
-   that others have. workspace (48 particles,). */
+   evidence (14,); where it is not done (14,) what it had reached when the kind was given up. `best`: log evidence that
+   others have. workspace (48 particles,). */
 EXPORTED void tacstrip_sample_regular(const Problem *problem, const RegularPlace *place, Int particles, double best, Int seed,
-                                      double *numbers, double *values, double *evidence, double *power,
+                                      double *numbers, double *values, double *evidence, Int *done,
                                       double *workspace);
 
 /* Draw outlines as often as readings and prior make them likely, by Markov chains at some temperatures, 1 first, that

@@ -358,7 +358,7 @@ static void sweep(Regular *r, Int kind, Int over, double power, double *z, doubl
 }
 
 void tacstrip_sample_regular(const Problem *problem, const RegularPlace *place, Int particles, double best, Int seed,
-                             double *numbers, double *values, double *evidence, double *power, double *workspace) {
+                             double *numbers, double *values, double *evidence, Int *done, double *workspace) {
   static const double free[REGULAR_KINDS] = {2.0, 4.0, 4.0, 4.0, 5.0, 5.0, 6.0}; /* numbers that make one */
   Regular r;
   Progress on[2 * REGULAR_KINDS];
@@ -399,7 +399,9 @@ void tacstrip_sample_regular(const Problem *problem, const RegularPlace *place, 
     if (!running) break;
   }
   for (Int c = 0; c < 2 * REGULAR_KINDS; c++) {
-    evidence[c] = on[c].evidence;
-    power[c] = on[c].power;
+    double sum = 0.0;
+    for (Int i = 0; i < particles; i++) sum += values[(c * particles + i) * VALUES + MISFIT];
+    evidence[c] = on[c].evidence - (1.0 - on[c].power) * sum / (double)particles;
+    done[c] = on[c].power == 1.0 && evidence[c] > best - HOPELESS;
   }
 }

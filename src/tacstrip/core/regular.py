@@ -9,9 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from tacstrip.arrays import FloatArray, IntArray
+from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.core.binding import (
     REGULAR_KINDS,
     REGULAR_NUMBERS,
@@ -36,8 +35,8 @@ class Particles:
         What makes each (14, P, 8), from 0 to 1.
     log_prior, misfit, lowest
         Of each (14, P): log prior, half chi square, lowest point over the strip.
-    evidence, power
-        Log evidence (14,) at the power (14,) of the likelihood where a kind was given up; 1: it was not.
+    evidence, done
+        Log evidence (14,), and whether it is that: not where a kind was given up, by what it had reached then (14,).
     """
 
     numbers: FloatArray
@@ -45,14 +44,14 @@ class Particles:
     misfit: FloatArray
     lowest: FloatArray
     evidence: FloatArray
-    power: FloatArray
+    done: BoolArray
 
 
 def regular_values(
     problem: FitProblem,
     place: RegularPlace,
     kind: IntArray,
-    over: npt.NDArray[np.bool_],
+    over: BoolArray,
     numbers: FloatArray,
 ) -> FloatArray | None:
     """Return log prior, half chi square and lowest point over the strip (K, 3); None without a compiled core."""
@@ -91,10 +90,10 @@ def sample_regular(
         return None
     kinds = 2 * REGULAR_KINDS
     z, values = np.empty((kinds, particles, REGULAR_NUMBERS)), np.empty((kinds, particles, REGULAR_VALUES))
-    evidence, power, room = np.empty(kinds), np.empty(kinds), np.empty(_WORKSPACE * particles)
+    evidence, done, room = np.empty(kinds), np.empty(kinds, dtype=np.int64), np.empty(_WORKSPACE * particles)
     given = _short(problem).compiled, place, particles, best, seed
-    core(*given, at(z), at(values), at(evidence), at(power), at(room))
-    return Particles(z, *np.moveaxis(values, -1, 0), evidence, power)
+    core(*given, at(z), at(values), at(evidence), at(done), at(room))
+    return Particles(z, *np.moveaxis(values, -1, 0), evidence, done == 1)
 
 
 def _short(problem: FitProblem) -> FitProblem:

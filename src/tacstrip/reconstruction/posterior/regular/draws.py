@@ -120,11 +120,10 @@ def draw_regular(
     if drawn is None:
         return None
     kind, over = np.repeat(np.arange(len(KINDS)), 2), np.tile([False, True], len(KINDS))
-    evidence = drawn.evidence - (1.0 - drawn.power) * drawn.misfit.mean(axis=1) + np.where(over, _OVER, 0.0)
-    done = drawn.power == 1.0
-    counts = done if done.any() else ~done
-    share = np.where(counts, np.exp(evidence - evidence[counts].max()), 0.0)
-    log_evidence, share = float(np.log(share.sum()) + evidence[counts].max()), share / share.sum()
+    counts = drawn.done if drawn.done.any() else ~drawn.done
+    evidence = np.where(counts, drawn.evidence + np.where(over, _OVER, 0.0), -np.inf)
+    share = np.exp(evidence - evidence.max())
+    log_evidence, share = float(np.log(share.sum()) + evidence.max()), share / share.sum()
     random = np.random.default_rng(seed)
     at = random.choice(len(kind), _KEPT, p=share), random.integers(_PARTICLES, size=_KEPT)
     kept, lowest = Outlines(kind[at[0]], over[at[0]], drawn.numbers[at]), drawn.lowest[at]
