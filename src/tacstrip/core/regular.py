@@ -93,7 +93,8 @@ def sample_regular(
     evidence, done, room = np.empty(kinds), np.empty(kinds, dtype=np.int64), np.empty(_WORKSPACE * particles)
     given = _short(problem).compiled, place, particles, best, seed
     core(*given, at(z), at(values), at(evidence), at(done), at(room))
-    return Particles(z, *np.moveaxis(values, -1, 0), evidence, done == 1)
+    log_prior, misfit, lowest = np.moveaxis(values, -1, 0)
+    return Particles(z, log_prior, misfit, lowest, evidence, done == 1)
 
 
 def _short(problem: FitProblem) -> FitProblem:
