@@ -40,7 +40,7 @@ HELD_STRIPS, _EVALUATIONS_OF_FEW = 5, 56_000
 _KEPT = {"thorough": 240, "fast": 100}
 _RATHER_WRONG, _BETTER = 0.5, 0.1  # an estimate less sure than this is given up for one that is so much surer
 _ROUNDED_BETTER = 0.3  # likewise a polygon for a rounded outline, for the vertices are lost with it
-_REGULAR_BETTER = 4.5  # times the odds, likewise for a regular outline
+_REGULAR_BETTER = 1.5  # times the odds, likewise for a regular outline
 # Of regular outlines that are given so many convex ones are right, however much less is said of them: most are upright
 # rectangles, of which the readings leave any height, and the likeliest height is as often near.
 _REGULAR_LEAST = 0.3
@@ -57,7 +57,7 @@ _ODDS: dict[str, dict[str, tuple[float, ...]]] = {
             -1.257,
         ),
         _ELLIPSE + _RIVALS: (-2.464, -0.016, 0.514, -0.893, -2.197, 1.718, 0.318, -0.238, 1.321, 0.620),
-        _REGULAR: (-4.528, 1.051, -0.267, 0.565, 0.750, -0.523, -0.077, -6.301, -0.284, 0.151),
+        _REGULAR: (-4.146, 1.234, -0.276, 0.434, 0.872, -0.519, -0.074, -6.301, -0.273, 0.150),
         _ROUNDED: (-2.722, 0.194, -0.300, 1.014, 0.210, 0.618, 1.678, 0.328),
         _POLYGON: (-1.957, 1.436, -0.346, -1.141, -30.5),
         _ELLIPSE: (-8.726, 2.087, 1.242, -3.0, -1.243),
