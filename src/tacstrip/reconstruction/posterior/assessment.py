@@ -40,7 +40,7 @@ HELD_STRIPS, _EVALUATIONS_OF_FEW = 5, 56_000
 _KEPT = {"thorough": 240, "fast": 100}
 _RATHER_WRONG, _BETTER = 0.5, 0.1  # an estimate less sure than this is given up for one that is so much surer
 _ROUNDED_BETTER = 0.3  # likewise a polygon for a rounded outline, for the vertices are lost with it
-_REGULAR_BETTER = 1.5  # times the odds, likewise for a regular outline
+_REGULAR_BETTER = 4.5  # times the odds, likewise for a regular outline
 # Of regular outlines that are given so many convex ones are right, however much less is said of them: most are upright
 # rectangles, of which the readings leave any height, and the likeliest height is as often near.
 _REGULAR_LEAST = 0.3
