@@ -5,7 +5,7 @@ Run: python -m studies.rounded_twins [--cases 300] [--seed 1]
 Contacts of the hold-out's `rounded` set with one signature on 12 strips or more, thorough. Of each outline that is
 `ok`, how much more chi square it leaves of the readings than the true one does. Where a wrong one leaves no more than
 that, or than noise does (chi square below its mean and 3.5 deviations), no test of the readings tells the two apart:
-only knowing beforehand which shapes are met would.
+only knowing beforehand which shapes are met would. Of the others, those whose noise was told: the readings would tell.
 """
 
 from __future__ import annotations
@@ -34,14 +34,15 @@ class Trusted:
         Of the contact; overlap with it.
     surplus
         Chi square that it leaves, less the true outline's.
-    explained
-        Whether it leaves no more than noise does.
+    explained, told
+        Whether it leaves no more than noise does, and whether the estimator knew that noise.
     """
 
     kind: str
     iou: float
     surplus: float
     explained: bool
+    told: bool
 
 
 def trusted(case: Case) -> Trusted | None:
@@ -51,13 +52,18 @@ def trusted(case: Case) -> Trusted | None:
     if found is None or found.status not in CLAIMS:
         return None
     own, true = _chi_square(case, found.vertices), _chi_square(case, case.outlines[0])
-    return Trusted(case.group, iou, own - true, own < case.strips + _ALARM * np.sqrt(2.0 * case.strips))
+    explained = own < case.strips + _ALARM * np.sqrt(2.0 * case.strips)
+    return Trusted(case.group, iou, own - true, bool(explained), case.told)
 
 
 def _chi_square(case: Case, outline: Array) -> float:
     """Return that of the strips that an outline touches; the outermost it may miss."""
     read = case.unit.read(*case.unit.touched([outline]))
     return float(np.nansum(((case.read - read) / case.unit.sigma(case.half_width)) ** 2))
+
+
+def _told_apart(one: Trusted) -> bool:
+    return one.told and one.surplus > 0.0 and not one.explained
 
 
 def table(count: int, seed: int) -> list[str]:
@@ -68,12 +74,13 @@ def table(count: int, seed: int) -> list[str]:
         if len(case.unit.names) == 1 and case.strips >= _ENOUGH_STRIPS:
             found.append(trusted(case))
     ok = [f for f in found if f is not None]
-    heads = ("ok", "wrong", "as near as the truth", "explained by noise")
+    heads = ("ok", "wrong", "as near as the truth", "explained by noise", "neither, noise told")
     lines = [f"{len(found)} contacts", f"{'':18}" + "".join(f"  {h}" for h in heads)]
     for kind in (*sorted({f.kind for f in ok}), "all"):
         some = [f for f in ok if kind in (f.kind, "all")]
         wrong = [f for f in some if f.iou < RIGHT]
-        numbers = len(some), len(wrong), sum(f.surplus <= 0.0 for f in wrong), sum(f.explained for f in wrong)
+        near, explained = sum(f.surplus <= 0.0 for f in wrong), sum(f.explained for f in wrong)
+        numbers = len(some), len(wrong), near, explained, sum(_told_apart(f) for f in wrong)
         lines.append(f"{kind:18}" + "".join(f"  {n:{len(h)}}" for h, n in zip(heads, numbers, strict=True)))
     return lines
 
