@@ -17,7 +17,7 @@ enum { LOG_PRIOR, MISFIT, LOWEST };
 #define LOW 0.02                         /* of an outline's height, over the strip */
 #define HIGH 0.97
 #define UNTOUCHED 1e3 /* half chi square of a strip that an outline misses; one may lie on an end */
-#define NEVER -1e9    /* log prior of what cannot be */
+#define NEVER -1e9    /* log prior and likelihood of what cannot be */
 #define FIRST_DRAWN 4 /* particles to begin with, for one */
 #define SWEEPS 6
 #define LEVELS 60
@@ -198,7 +198,7 @@ static void weigh(const Regular *r, Int kind, Int over, const double *z, double 
   const Problem *p = r->problem;
   double share = p->share[0];
   placed(r, kind, over, z, &o);
-  values[LOG_PRIOR] = NEVER, values[MISFIT] = values[LOWEST] = 0.0;
+  values[LOG_PRIOR] = NEVER, values[MISFIT] = -NEVER, values[LOWEST] = 0.0;
   if (!(o.height > LOW && o.height < HIGH)) return;
   Pack sums[2][PACKS], zero = all(0.0), one = all(1.0);
   for (int j = 0; j < PACKS; j++) sums[0][j] = sums[1][j] = zero;
