@@ -90,6 +90,8 @@ def test_values_of_outlines_are_those_of_their_readings(lam: float) -> None:
     assert found is not None
     log, misfit, lowest = found.T
     fits = log > -1e8
+    assert (misfit[~fits] > 1e8).all()  # what is higher than the strip explains nothing
+    assert not fits.all()
     assert set(some.kind[fits & ~some.over]) == set(some.kind[fits & some.over]) == set(range(7))
 
     def half_chi_square(at: FloatArray) -> FloatArray:
