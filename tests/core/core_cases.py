@@ -34,9 +34,11 @@ from tacstrip.core.library import library
 from tacstrip.core.polytope import analytic_centre, feasible_part, lowest, minimax
 from tacstrip.core.posterior import OutlinePrior, outline_ends, outline_record, sample_outlines
 from tacstrip.core.problem import FitProblem
+from tacstrip.core.regular import sample_regular
 from tacstrip.core.rigid import descend, equations, fit_poses, loss
 from tacstrip.core.search import fit_counts
 from tacstrip.core.solid import patch_sums, solid_gap, solid_yields
+from tacstrip.reconstruction.posterior.regular.placement import Placement
 from tacstrip.surface.skin import skin_of
 from tacstrip.tracking.rigid.smooth_path import circle, fit_corners, fit_path, spline_basis
 
@@ -255,6 +257,22 @@ def batches() -> Iterable[ArrayLike]:
         yield from (scans["kh"], scans["kl"], scans.l)
         yield from vars(scans.labels).values()
     yield from ts.footprint(sensor, [ts.Contact.polygon(convex_polygon(s, 5) / 12.0) for s in range(20)])
+
+
+@case
+def regular_outlines() -> Iterable[ArrayLike]:
+    """Particles of a disc, with contact resistance too, of which some kinds are given up."""
+    for lam in (0.0, 2.0):
+        sensor = ts.Sensor(
+            construction="crs-crs", strips=25, pitch_mm=2.0, length_mm=60.0, contact_lambda_mm=lam
+        )
+        half = np.sqrt(25.0**2 - (sensor.x_mm - 25.0) ** 2) / 60.0
+        k = ts.signatures(sensor, 30.0 - 60.0 * half, 30.0 + 60.0 * half)["kh"]
+        problem = FitProblem.of(sensor, sensor.x_mm, {"kh": k}, 0.003)
+        place = Placement.of(problem, (-0.02, 0.02, 0.98, 1.02))
+        drawn = sample_regular(problem, place.compiled, 24, -40.0)
+        assert drawn is not None
+        yield from (drawn.numbers, drawn.log_prior, drawn.misfit, drawn.lowest, drawn.evidence, drawn.done)
 
 
 @case

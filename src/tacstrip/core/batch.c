@@ -229,13 +229,6 @@ static inline void touch_polygon(const Touch *touch, double pitch, double *x, do
   }
 }
 
-static inline Pack root(Pack v) {
-  double lane[LANES];
-  store(lane, v);
-  for (int j = 0; j < WIDTH; j++) lane[j] = sqrt(lane[j]);
-  return load(lane);
-}
-
 /* An ellipse about x, y with semi-axes a and b, a turned by an angle of sine and cosine. */
 static void touch_ellipse(const Touch *touch, double pitch, double x, double y, double a, double b, double sine,
                           double cosine) {

@@ -114,6 +114,12 @@ class OutlineBy(ctypes.Structure):
     _fields_ = _fields(count=_INT, numbers=_INT, which=_POINTER, weight=_POINTER, prior=_POINTER)
 
 
+class RegularPlace(ctypes.Structure):
+    """`RegularPlace` of core.h."""
+
+    _fields_ = _fields(window=_DOUBLE * 4, aspect=_DOUBLE, borders=_INT, border=_INT * 4)
+
+
 class BatchSensor(ctypes.Structure):
     """`BatchSensor` of core.h."""
 
@@ -158,6 +164,7 @@ POLYGON = np.dtype(
 SHAPE_CORNERS, SHAPE_OBJECTS = 16, 8  # of a drawn polygon and of a drawn scene
 KNOTS, MOST_CORNERS = 20, 26  # points of a chain and vertices of a sampled outline
 HOTTEST = 6  # temperatures of a sampler
+REGULAR_STRIPS, REGULAR_KINDS, REGULAR_NUMBERS, REGULAR_VALUES = 32, 7, 8, 3  # of regular outlines
 RIGID_CORNERS = 64  # corners of an outline that keeps its shape
 HULL_OBJECTS = 8  # objects on the same strips
 SOLID_FRAME = 15  # numbers of a pressed object
@@ -181,7 +188,7 @@ RUN = np.dtype(
 
 _PROBLEM, _LINES, _BAND = (ctypes.POINTER(struct) for struct in (Problem, Lines, Band))
 _SCANS, _LOSS, _PRIOR = (ctypes.POINTER(struct) for struct in (Scans, Loss, CornerPrior))
-_BY = ctypes.POINTER(OutlineBy)
+_BY, _PLACE = ctypes.POINTER(OutlineBy), ctypes.POINTER(RegularPlace)
 _NOTHING = ctypes.c_char * 0
 _SEARCH_WORKSPACE = 3613  # doubles: SEARCH_WORKSPACE of core.h
 # What each one returns and takes; a pointer stands for the array that core.h describes.
@@ -203,6 +210,8 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "hit_and_run": (_INT, (*[_POINTER] * 9, *[_INT] * 4, _POINTER)),
     "sample_outlines": (_INT, (_PROBLEM, *[_POINTER] * 3, *[_INT] * 4, _POINTER, _POINTER)),
     "outline_ends": (None, (_POINTER, _INT, _POINTER, _INT, _POINTER)),
+    "regular_values": (None, (_PROBLEM, _PLACE, *[_POINTER] * 3, _INT, _POINTER)),
+    "sample_regular": (None, (_PROBLEM, _PLACE, _INT, _DOUBLE, _INT, *[_POINTER] * 5)),
     "feasible_set": (None, (_LINES, _BAND, *[_POINTER] * 10)),
     "outlines": (_INT, (_LINES, _POINTER, _DOUBLE, _POINTER, _POINTER, _INT, *[_POINTER] * 3)),
     "bounded": (
@@ -268,6 +277,7 @@ _LONG = frozenset(
         "hit_and_run",
         "outlines",
         "scatter",
+        "sample_regular",
         "rigid_poses",
         "rigid_walk",
         "rigid_descend",

@@ -14,7 +14,7 @@
 #ifndef TACSTRIP_CORE_H
 #define TACSTRIP_CORE_H
 
-#define TACSTRIP_VERSION 16 /* goes up whenever a function or a struct of this file changes */
+#define TACSTRIP_VERSION 17 /* goes up whenever a function or a struct of this file changes */
 
 #define MAX_VERTICES 16        /* interior vertices of a polygon */
 #define END_ENTRIES 6          /* entries of theta before the first vertex */
@@ -28,6 +28,10 @@
 #define KNOTS 20               /* points of one chain of a sampled outline, both ends included */
 #define MOST_CORNERS 26        /* vertices of a sampled outline */
 #define HOTTEST 6              /* temperatures of a sampler */
+#define REGULAR_STRIPS 32      /* that readings are averaged to, for regular outlines */
+#define REGULAR_KINDS 7        /* of regular outlines */
+#define REGULAR_NUMBERS 8      /* that make one */
+#define REGULAR_VALUES 3       /* of one: log prior, half chi square, the lowest point over the strip */
 #define SHAPE_CORNERS 16       /* of a drawn polygon */
 #define SHAPE_OBJECTS 8        /* of a drawn scene */
 #define RIGID_CORNERS 64       /* corners of an outline that keeps its shape, at most; 19 in a descent */
@@ -71,6 +75,13 @@ typedef struct {
   Int count[2]; /* points of the lower and the upper chain, 2 to KNOTS */
   double x[2][KNOTS], y[2][KNOTS];
 } Outline;
+
+/* Where regular outlines may lie. */
+typedef struct {
+  double window[4]; /* the left end's x lies from the first to the second, the right end's from the third to the fourth */
+  double aspect;    /* width of x from 0 to 1 over the length of the strips */
+  Int borders, border[4]; /* those that one may lie over, of: first strip 0, last strip 1, ground end 2, other end 3 */
+} RegularPlace;
 
 /* What is known of an outline without readings. Densities are logs, of outlines whose heights are uniform. */
 typedef struct {
@@ -359,6 +370,18 @@ EXPORTED Int tacstrip_hit_and_run(const double *a, const double *b, const double
                                   const double *pair_b, const double *pair_edges, const double *middle,
                                   const double *curvature, double *out, Int sweeps, Int rows, Int pairs, Int size,
                                   double *workspace);
+
+/* Log prior, half chi square and lowest point (count, 3) of regular outlines by kind (count,), over (count,), whether over
+   a border, and numbers (count, 8). One signature of REGULAR_STRIPS strips at most. */
+EXPORTED void tacstrip_regular_values(const Problem *problem, const RegularPlace *place, const Int *kind, const Int *over,
+                                      const double *numbers, Int count, double *values);
+
+/* Particles of each kind, inside and over a border: numbers (14, particles, 8) and values (14, particles, 3), and the log
+   evidence (14,); where it is not done (14,) what it had reached when the kind was given up. `best`: log evidence that
+   others have. workspace (48 particles,). */
+EXPORTED void tacstrip_sample_regular(const Problem *problem, const RegularPlace *place, Int particles, double best, Int seed,
+                                      double *numbers, double *values, double *evidence, Int *done,
+                                      double *workspace);
 
 /* Draw outlines as often as readings and prior make them likely, by Markov chains at some temperatures, 1 first, that
    exchange states. problem->n is at most COARSEST. starts (temperatures,): where each chain begins, allowed by the prior.

@@ -31,7 +31,14 @@ static inline int any(Mask yes) {
 #if defined(__AVX__) /* a > b ? a : b and a < b ? a : b, one instruction each */
 static inline Pack greater(Pack a, Pack b) { return __builtin_ia32_maxpd256(a, b); }
 static inline Pack lesser(Pack a, Pack b) { return __builtin_ia32_minpd256(a, b); }
+static inline Pack root(Pack a) { return __builtin_ia32_sqrtpd256(a); }
 #else
+static inline Pack root(Pack a) {
+  double lane[WIDTH];
+  store(lane, a);
+  for (int i = 0; i < WIDTH; i++) lane[i] = sqrt(lane[i]);
+  return load(lane);
+}
 static inline Pack greater(Pack a, Pack b) { return where(a > b, a, b); }
 static inline Pack lesser(Pack a, Pack b) { return where(a < b, a, b); }
 #endif
@@ -43,6 +50,7 @@ typedef double Pack;
 #define all(v) ((Pack)(v))
 #define where(yes, a, b) ((yes) ? (a) : (b))
 #define any(yes) (yes)
+#define root(a) sqrt(a)
 #define greater(a, b) larger(a, b)
 #define lesser(a, b) smaller(a, b)
 typedef int Mask;

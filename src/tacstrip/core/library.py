@@ -18,7 +18,7 @@ from tacstrip.errors import OptionError
 FOLDER = Path(__file__).parent
 SUFFIX = ".dll" if sys.platform == "win32" else ".so"
 BASELINE, V3 = (FOLDER / f"{level}{SUFFIX}" for level in ("baseline", "v3"))
-VERSION = 16  # TACSTRIP_VERSION of core.h
+VERSION = 17  # TACSTRIP_VERSION of core.h
 
 
 def library() -> ctypes.CDLL | None:

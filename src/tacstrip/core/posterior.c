@@ -97,14 +97,6 @@ static void heights(const Outline *o, int c, const double *x, Int from, Int to, 
   }
 }
 
-/* `ideal` with tanh a by Pade, [7/6]: off by 1e-4 at most, of a transfer length, and a third of the time. */
-static inline Ideal nearly_ideal(const Problem *p, Pack l, Pack u) {
-  if (!(p->lam > 0.0)) return ideal(p, l, u);
-  Pack a = (u - l) / (2.0 * p->lam), z = a * a, above = 135135.0 + z * (17325.0 + z * (378.0 + z));
-  Pack h = a * above / (135135.0 + z * (62370.0 + z * (3150.0 + z * 28.0)));
-  return shortened(p, l, u, p->lam * lesser(h, all(1.0)), all(0.0));
-}
-
 /* Squared residuals times their weights; once they are more than `most` the rest does not matter. */
 static double squares(const Sampler *s, const Outline *o, double most) {
   double l[ROOM], u[ROOM];

@@ -8,21 +8,22 @@ border, are drawn as often as the readings make them likely.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tacstrip.arrays import FloatArray, IntArray
+from tacstrip.core.binding import REGULAR_STRIPS
 from tacstrip.core.problem import FitProblem
+from tacstrip.core.regular import sample_regular
 from tacstrip.geometry.metrics import column_iou, pairwise_column_iou
 from tacstrip.reconstruction.posterior.family_outline import FamilyOutline
 from tacstrip.reconstruction.posterior.regular.kinds import KINDS, Outlines
-from tacstrip.reconstruction.posterior.regular.likelihood import Likelihood
 from tacstrip.reconstruction.posterior.regular.placement import Placement
-from tacstrip.reconstruction.posterior.regular.sampler import PARTICLES, sampled
 
-_OVER = 0.1  # outlines over a border for one inside
+_OVER = math.log(0.1)  # outlines over a border for one inside
 _OCCAM = 25.0  # what a polygon's free corners cost it, of log likelihood
+_PARTICLES = 256  # of each kind: their log evidence scatters by less than 1
 _KEPT = 200
 _DRAWN_AT = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, 33))  # parts of the extent where curves have vertices
 _STRAIGHT = 1e-3  # of the strip: a vertex that is off the line through its neighbours by less is none
@@ -96,8 +97,8 @@ def draw_regular(
     columns: FloatArray,
     least_chi_square: float,
     seed: int = 0,
-) -> RegularDraws:
-    """Draw regular outlines that explain the readings of one signature.
+) -> RegularDraws | None:
+    """Draw regular outlines that explain the readings of one signature; None without a compiled core.
 
     Parameters
     ----------
@@ -112,31 +113,32 @@ def draw_regular(
     seed
         0 or more.
     """
-    random, likelihood = np.random.default_rng(seed), Likelihood.of(problem, window)
-    readings = max(int(np.count_nonzero(likelihood.weight)), 1)
+    short, placement = averaged(problem), Placement.of(problem, window)
+    readings = max(short.readings, 1)
     polygon = -0.5 * least_chi_square * readings
-    done, given_up = sampled(likelihood, random, polygon - _OCCAM)
-    populations = done or given_up
-    evidence = np.array([p.log_evidence + (math.log(_OVER) if p.over else 0.0) for p in populations])
+    drawn = sample_regular(short, placement.compiled, _PARTICLES, polygon - _OCCAM, seed)
+    if drawn is None:
+        return None
+    kind, over = np.repeat(np.arange(len(KINDS)), 2), np.tile([False, True], len(KINDS))
+    counts = drawn.done if drawn.done.any() else ~drawn.done
+    evidence = np.where(counts, drawn.evidence + np.where(over, _OVER, 0.0), -np.inf)
     share = np.exp(evidence - evidence.max())
     log_evidence, share = float(np.log(share.sum()) + evidence.max()), share / share.sum()
-    which, at = random.choice(len(populations), _KEPT, p=share), random.integers(PARTICLES, size=_KEPT)
-    kept = Outlines(
-        np.array([p.kind for p in populations])[which],
-        np.array([p.over for p in populations])[which],
-        np.stack([p.z for p in populations])[which, at],
-    )
-    _, half, lowest = likelihood.weighed(kept)
-    misfit = 2.0 * min(float(p.misfit.min()) for p in populations) / readings
-    return RegularDraws(
-        likelihood.placement.ends(kept, lowest, columns),
-        log_evidence - polygon,
-        misfit,
-        likelihood.placement,
-        kept,
-        lowest,
-        half,
-    )
+    random = np.random.default_rng(seed)
+    at = random.choice(len(kind), _KEPT, p=share), random.integers(_PARTICLES, size=_KEPT)
+    kept, lowest = Outlines(kind[at[0]], over[at[0]], drawn.numbers[at]), drawn.lowest[at]
+    misfit = 2.0 * float(drawn.misfit[counts].min()) / readings
+    ends = placement.ends(kept, lowest, columns)
+    return RegularDraws(ends, log_evidence - polygon, misfit, placement, kept, lowest, drawn.misfit[at])
+
+
+def averaged(problem: FitProblem) -> FitProblem:
+    """Return one signature's readings as those of `REGULAR_STRIPS` strips or fewer."""
+    starts = np.arange(0, len(problem.x), -(-len(problem.x) // REGULAR_STRIPS))
+    weight = np.add.reduceat(problem.weight, starts, axis=1)
+    k = np.add.reduceat(problem.weight * problem.k, starts, axis=1) / np.where(weight > 0.0, weight, 1.0)
+    x = np.add.reduceat(problem.x, starts) / np.diff(np.append(starts, len(problem.x)))
+    return replace(problem, x=x, k=k, weight=weight)
 
 
 def _vertices(x: FloatArray, y: FloatArray) -> IntArray:

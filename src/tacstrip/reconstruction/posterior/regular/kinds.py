@@ -4,14 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
-
-Floats: TypeAlias = npt.NDArray[np.floating[Any]]  # of the precision that is enough
 
 KINDS = (
     "disc",
@@ -23,7 +19,6 @@ KINDS = (
     "trapezoid",
 )
 DISC, ELLIPSE, SEGMENT, UPRIGHT, RECTANGLE, TRAPEZOID, TURNED = range(7)
-FREE = (0, 2, 2, 2, 3, 3, 4)  # numbers that make one, besides its ends
 # Numbers uniform in 0 to 1: the ends, ratio of the axes, turn, two of the kind, and which part is over which border.
 NUMBERS = 8
 LEFT, RIGHT, RATIO, TURN, FIRST, SECOND, PART, BORDER = range(NUMBERS)
@@ -48,6 +43,6 @@ def axes_ratio(z: FloatArray) -> FloatArray:
     return np.exp(math.log(FLATTEST) * (1.0 - 2.0 * z[:, RATIO]))
 
 
-def as_columns(dtype: np.dtype[Any], *numbers: FloatArray) -> tuple[Floats, ...]:
+def as_columns(*numbers: FloatArray) -> tuple[FloatArray, ...]:
     """Return numbers of outlines (K,) as columns (K, 1)."""
-    return tuple(v.astype(dtype)[:, None] for v in numbers)
+    return tuple(v[:, None] for v in numbers)

@@ -14,7 +14,6 @@ from tacstrip.reconstruction.posterior.regular.kinds import (
     RATIO,
     SEGMENT,
     TURN,
-    Floats,
     as_columns,
 )
 
@@ -58,9 +57,9 @@ class Ovals:
         half = self.flat * np.sqrt(1.0 - at**2) * self.s
         return np.stack([at * self.c - half, at * self.c + half], axis=1)
 
-    def ends(self, at: Floats) -> tuple[Floats, Floats]:
+    def ends(self, at: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the lowest and highest y (K, G) at x (K, G) within the extent."""
-        flat, c, s, cut = as_columns(at.dtype, self.flat, self.c, self.s, self.cut)
+        flat, c, s, cut = as_columns(self.flat, self.c, self.s, self.cut)
         square = c**2 + (flat * s) ** 2
         half = np.sqrt(np.maximum(square - at**2, 0.0)) * (flat / square)
         middle = at * (c * s * (1.0 - flat**2) / square)

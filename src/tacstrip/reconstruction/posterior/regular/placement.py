@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
+from tacstrip.core.binding import RegularPlace
 from tacstrip.core.problem import FitProblem
 from tacstrip.reconstruction.posterior.regular.kinds import (
     BORDER,
@@ -16,7 +17,6 @@ from tacstrip.reconstruction.posterior.regular.kinds import (
     RIGHT,
     TRAPEZOID,
     UPRIGHT,
-    Floats,
     Outlines,
     as_columns,
 )
@@ -35,8 +35,8 @@ class Placed:
     `border` 0 to 3: over the first strip, the last one, the ground end, the other one, by `part` of their extent.
     """
 
-    lower: Floats
-    upper: Floats
+    lower: FloatArray
+    upper: FloatArray
     there: BoolArray
     left: FloatArray
     right: FloatArray
@@ -60,7 +60,14 @@ class Placement:
         borders = np.flatnonzero([-window[0] < beyond, window[3] - 1.0 < beyond, True, True])
         return cls(window, borders, problem.width_mm / problem.length_mm)
 
-    def placed(self, some: Outlines, at: Floats) -> Placed:
+    @property
+    def compiled(self) -> RegularPlace:
+        """The same for the compiled core."""
+        place = RegularPlace(self.window, self.aspect, len(self.borders))
+        place.border[: len(self.borders)] = self.borders.tolist()
+        return place
+
+    def placed(self, some: Outlines, at: FloatArray) -> Placed:
         """Return outlines at x (G,) or (K, G)."""
         z, (begin, begun, end, ended) = some.z, self.window
         left, right = begin + (begun - begin) * z[:, LEFT], end + (ended - end) * z[:, RIGHT]
@@ -68,7 +75,7 @@ class Placement:
         border = np.where(some.over, self.borders[(z[:, BORDER] * len(self.borders)).astype(int)], -1)
         whole = (right - left) / (1.0 - part)
         left, right = np.where(border == 0, right - whole, left), np.where(border == 1, left + whole, right)
-        lower, upper = (np.empty((len(z), at.shape[-1]), dtype=at.dtype) for _ in range(2))
+        lower, upper = (np.empty((len(z), at.shape[-1])) for _ in range(2))
         height, at = np.empty(len(z)), np.broadcast_to(at, lower.shape)
         family = np.searchsorted(_FIRST, some.kind, side="right") - 1
         for i in (np.flatnonzero(family == f) for f in range(len(_FAMILIES))):
@@ -79,10 +86,10 @@ class Placement:
             scale = (last - first) / (right[i] - left[i])
             tall = self.aspect / scale
             height[i] = tall * (high - low)
-            along, offset, rise, base = as_columns(at.dtype, scale, first - scale * left[i], tall, tall * low)
+            along, offset, rise, base = as_columns(scale, first - scale * left[i], tall, tall * low)
             for found, y in zip((lower, upper), shape.ends(along * at[i] + offset), strict=True):
                 found[i] = rise * y - base
-        from_x, to_x = as_columns(at.dtype, left, right)
+        from_x, to_x = as_columns(left, right)
         there = (at >= from_x) & (at <= to_x) & (upper >= lower)
         return Placed(lower, upper, there, left, right, height, border, part)
 

@@ -11,7 +11,6 @@ from tacstrip.reconstruction.posterior.regular.kinds import (
     FIRST,
     RECTANGLE,
     TURN,
-    Floats,
     as_columns,
     axes_ratio,
 )
@@ -54,12 +53,12 @@ class Rectangles:
         half = np.stack([bs - ac + across, bs + ac + across, -bs - ac - along, bs - ac - along], axis=1)
         return np.concatenate([half, -half], axis=1)
 
-    def ends(self, at: Floats) -> tuple[Floats, Floats]:
+    def ends(self, at: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the lowest and highest y (K, G) at x (K, G); inf and -inf outside."""
         both = self._lower(np.concatenate([at, -at], axis=1))
         return both[:, : at.shape[1]], -both[:, at.shape[1] :]
 
-    def _lower(self, at: Floats) -> Floats:
+    def _lower(self, at: FloatArray) -> FloatArray:
         """Return the lowest y (K, G) at x (K, G); inf outside.
 
         It lies on the disc about that point of a lower edge whose normal meets x, or about the nearer of its ends.
@@ -72,9 +71,7 @@ class Rectangles:
             (s, -c, x - 2.0 * self.b * s, x, -r * c),
         ):
             tilt = np.where(along > _UPRIGHT, rise / np.maximum(along, _UPRIGHT), 0.0)
-            slope, level, first, last, shift, square = as_columns(
-                at.dtype, tilt, y - tilt * x, begin, end, off, r**2
-            )
+            slope, level, first, last, shift, square = as_columns(tilt, y - tilt * x, begin, end, off, r**2)
             middle = np.minimum(np.maximum(at - shift, first), last)
             half = square - (at - middle) ** 2
             disc = slope * middle + level - np.sqrt(np.maximum(half, 0.0))

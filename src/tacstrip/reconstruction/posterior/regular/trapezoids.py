@@ -12,7 +12,6 @@ from tacstrip.reconstruction.posterior.regular.kinds import (
     SECOND,
     TRAPEZOID,
     TURN,
-    Floats,
     as_columns,
     axes_ratio,
 )
@@ -48,7 +47,7 @@ class Trapezoids:
         """Where edges begin and end (K, 4)."""
         return self.x
 
-    def ends(self, at: Floats) -> tuple[Floats, Floats]:
+    def ends(self, at: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the lowest and highest y (K, G) at x (K, G) within the extent: of the lines of lower, upper edges."""
         dx, dy = (np.roll(v, -1, axis=1) - v for v in (self.x, self.y))
         upright = np.abs(dx) < _UPRIGHT * np.hypot(dx, dy)
@@ -58,7 +57,7 @@ class Trapezoids:
         )
         low, high = np.full_like(at, -np.inf), np.full_like(at, np.inf)
         for i in range(4):
-            x, slope, lower, upper = as_columns(at.dtype, *(v[:, i] for v in (self.x, slopes, below, above)))
+            x, slope, lower, upper = as_columns(*(v[:, i] for v in (self.x, slopes, below, above)))
             rise = slope * (at - x)
             np.maximum(low, lower + rise, out=low)
             np.minimum(high, upper + rise, out=high)
