@@ -19,6 +19,7 @@ from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.contact_ends import closed_ends, end_deviations
 from tacstrip.reconstruction.noise_covariance import CorrelatedErrors
 from tacstrip.reconstruction.pieces.chain import Cut
+from tacstrip.reconstruction.pieces.beside import pair_beside
 from tacstrip.reconstruction.pieces.pair import Ends, Pair, likeliest_pair, pair_at_the_ends
 from tacstrip.reconstruction.pieces.run import RunPieces, split_run
 from tacstrip.reconstruction.polygon.chi_square import ALARM, squares_score
@@ -288,7 +289,8 @@ def _pair_of(run: RunFit, pieces: RunPieces, inward: tuple[list[float], list[flo
         close = {i + off for i in at for off in range(-_NEAR_CORNER, _NEAR_CORNER + 1)}
         close |= {int(strips[cut.strip]) for of, cut in pieces.cuts if of == side} | {1, len(x) - 1}
         near.append(sorted(i for i in close if 0 < i < len(x)))
-    return likeliest_pair(pieces.ends, near, right, pieces.seen)
+    pairs = likeliest_pair(pieces.ends, near, right, pieces.seen), pair_beside(pieces.ends, right)
+    return max(filter(None, pairs), key=lambda pair: pair.probability, default=None)
 
 
 def _pair_at_the_ends(

@@ -1,0 +1,101 @@
+"""Two convex objects beside each other, which share few strips or none: both l and u turn inwards where they meet.
+
+On the strips that they share, one lies above the other; l of the contact changes from one object to the other at one
+end of these, u at the other. One object that is narrow there, as an hourglass, has corners in place of jumps, which
+few strips hardly tell.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import product
+
+from tacstrip.reconstruction.pieces.pair import (
+    ChainFits,
+    Chains,
+    Ends,
+    Pair,
+    Places,
+    at_any_angle,
+    rises_beyond,
+    shown,
+)
+
+_MOST_SHARED = 3  # strips
+_NEAR = 3  # strips from an inward corner to where an object begins or ends
+_FEWEST = 3  # strips of an object
+# Log odds of two objects where both ends of a contact turn inwards at one place, fitted to drawn contacts, of which two
+# objects are as common as a concave one: a constant, and what log odds of the jumps there tell.
+_CONSTANT, _BY_JUMPS = 1.5, 0.5
+_LEAST = 0.01  # probability, from which two objects are told
+
+
+def pair_beside(ends: Ends, corners: Sequence[Sequence[int]]) -> Pair | None:
+    """Return the likeliest two objects beside each other; None where no waist shows, or where they are hardly likely.
+
+    Parameters
+    ----------
+    ends
+        Of the run.
+    corners
+        Strips right of the inward corners of l, and of u, of the outline of one object.
+    """
+    fits, best, found = ChainFits(ends, corners), -math.inf, None
+    for cuts in sorted(set(_meetings(len(ends.x), corners))):
+        both = _placed(len(ends.x), cuts)
+        parts: Chains = ([], [])
+        more = -fits.of_one(both)
+        for (side, place), inside in product(enumerate(both), (True, False)):
+            fitted, chi_square = fits.chain(side, *place, inside)
+            parts[side].append(fitted)
+            more += chi_square
+        odds = _of_jumps(ends, cuts, both, parts) - 0.5 * max(more, 0.0)
+        if odds > best and (hulls := shown(ends, both, parts)) is not None:
+            best, found = odds, (hulls, cuts)
+    odds = _CONSTANT + _BY_JUMPS * best
+    if found is None or odds < math.log(_LEAST / (1.0 - _LEAST)):
+        return None
+    hulls, cuts = found
+    return Pair(*hulls, 1.0 / (1.0 + math.exp(-odds)), advice=_advice(ends, cuts))
+
+
+def _meetings(n: int, corners: Sequence[Sequence[int]]) -> Iterator[tuple[int, int]]:
+    """Yield strips before which l, and u, may change from one object to the other."""
+    near = range(-_NEAR, _NEAR + 1)
+    for a, b in product(*corners):
+        for cuts in product([a + off for off in near], [b + off for off in near]):
+            if max(cuts) - min(cuts) <= _MOST_SHARED and min(cuts) >= _FEWEST and n - max(cuts) >= _FEWEST:
+                yield cuts
+
+
+def _placed(n: int, cuts: tuple[int, int]) -> Places:
+    """Return the strips of the lower and of the upper object: the left one is lower where l changes last."""
+    of_l, of_u = cuts
+    return ((0, of_l), (of_u, n)) if of_l >= of_u else ((of_l, n), (0, of_u))
+
+
+def _of_jumps(ends: Ends, cuts: tuple[int, int], both: Places, parts: Chains) -> float:
+    """Return the log odds of two objects to a concave one by how l and u change from one side to the other.
+
+    One of two objects begins at any height beside the other. A corner of one object lies anywhere within a pitch, so
+    that the end rises by anything between what the lines beside it say; else an edge of any direction joins them.
+    """
+    height, odds = float(ends.y[1].max() - ends.y[0].min()), 0.0
+    for side, strip in enumerate(cuts):
+        rises, run = rises_beyond(ends, side, strip, both[side], parts[side])
+        if min(rises) < 0.0 < max(rises):
+            density = 1.0 / math.hypot(max(rises) - min(rises), 0.5 * math.pi * run)
+        else:
+            density = at_any_angle(min(map(abs, rises)), run)
+        odds -= math.log(density * height)
+    return odds
+
+
+def _advice(ends: Ends, cuts: tuple[int, int]) -> str:
+    """Say where they meet, and what is not seen of them."""
+    left, right = ends.x[min(cuts) - 1], ends.x[max(cuts)]
+    return (
+        f"the contact is narrow between x = {left:.4g} and {right:.4g} mm: two objects beside each other that meet there "
+        "read so, of which the ends there are not seen, and so does one object with a waist"
+    )
