@@ -31,7 +31,9 @@ _CONSTANT, _BY_JUMPS = 1.5, 0.5
 _LEAST = 0.01  # probability, from which two objects are told
 
 
-def pair_beside(ends: Ends, corners: Sequence[Sequence[int]]) -> Pair | None:
+def pair_beside(
+    ends: Ends, corners: Sequence[Sequence[int]], left_out: Sequence[int] = ()
+) -> Pair | None:
     """Return the likeliest two objects beside each other; None where no waist shows, or where they are hardly likely.
 
     Parameters
@@ -40,9 +42,12 @@ def pair_beside(ends: Ends, corners: Sequence[Sequence[int]]) -> Pair | None:
         Of the run.
     corners
         Strips right of the inward corners of l, and of u, of the outline of one object.
+    left_out
+        Strips that this outline passes by: l or u may turn inwards there.
     """
-    fits, best, found = ChainFits(ends, corners), -math.inf, None
-    for cuts in sorted(set(_meetings(len(ends.x), corners))):
+    hidden = [strip + after for strip in left_out for after in (0, 1)]
+    fits, best, found = ChainFits(ends, [[*of, *hidden] for of in corners]), -math.inf, None
+    for cuts in sorted(set(_meetings(len(ends.x), corners, hidden))):
         both = _placed(len(ends.x), cuts)
         parts: Chains = ([], [])
         more = -fits.of_one(both)
@@ -56,14 +61,15 @@ def pair_beside(ends: Ends, corners: Sequence[Sequence[int]]) -> Pair | None:
     odds = _CONSTANT + _BY_JUMPS * best
     if found is None or odds < math.log(_LEAST / (1.0 - _LEAST)):
         return None
-    hulls, cuts = found
-    return Pair(*hulls, 1.0 / (1.0 + math.exp(-odds)), advice=_advice(ends, cuts))
+    hulls, (first, last) = found[0], sorted(found[1])
+    meeting = float(ends.x[first - 1]), float(ends.x[last])
+    return Pair(*hulls, 1.0 / (1.0 + math.exp(-odds)), meeting_mm=meeting, shared=last - first)
 
 
-def _meetings(n: int, corners: Sequence[Sequence[int]]) -> Iterator[tuple[int, int]]:
+def _meetings(n: int, corners: Sequence[Sequence[int]], hidden: Sequence[int]) -> Iterator[tuple[int, int]]:
     """Yield strips before which l, and u, may change from one object to the other."""
-    near = range(-_NEAR, _NEAR + 1)
-    for a, b in product(*corners):
+    near, (of_l, of_u) = range(-_NEAR, _NEAR + 1), corners
+    for a, b in [*product(of_l, of_u), *product(of_l, hidden), *product(hidden, of_u)]:
         for cuts in product([a + off for off in near], [b + off for off in near]):
             if max(cuts) - min(cuts) <= _MOST_SHARED and min(cuts) >= _FEWEST and n - max(cuts) >= _FEWEST:
                 yield cuts
@@ -90,12 +96,3 @@ def _of_jumps(ends: Ends, cuts: tuple[int, int], both: Places, parts: Chains) ->
             density = at_any_angle(min(map(abs, rises)), run)
         odds -= math.log(density * height)
     return odds
-
-
-def _advice(ends: Ends, cuts: tuple[int, int]) -> str:
-    """Say where they meet, and what is not seen of them."""
-    left, right = ends.x[min(cuts) - 1], ends.x[max(cuts)]
-    return (
-        f"the contact is narrow between x = {left:.4g} and {right:.4g} mm: two objects beside each other that meet there "
-        "read so, of which the ends there are not seen, and so does one object with a waist"
-    )

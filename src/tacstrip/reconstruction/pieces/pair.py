@@ -64,6 +64,10 @@ class Pair:
         Whether it is one convex object else.
     advice
         What shows that they touch nowhere, in words; "" where nothing does.
+    meeting_mm
+        Of two beside each other: between which x they meet, where what each has of its end is not seen.
+    shared
+        Strips that both touch.
     """
 
     lower: FloatArray
@@ -71,6 +75,8 @@ class Pair:
     probability: float
     one_convex: bool = False
     advice: str = ""
+    meeting_mm: tuple[float, float] | None = None
+    shared: int = 1
 
     @property
     def alternative(self) -> Alternative:

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.core.ellipse import Ellipse
 from tacstrip.core.outline_model import OutlineModel
 from tacstrip.core.polygon_fit import PolygonFit
@@ -225,7 +225,8 @@ def second_look(
         more = f"; at least {pieces.count} convex pieces explain the readings"
         return wrong if one_object or pieces.count == 1 else wrong + more, None
     jumps = [cut for _, cut in pieces.cuts if cut.kind != "corner"]
-    pair = _pair_of(run, pieces, inward_corners(fit))
+    pairs = _pair_of(run, pieces, inward_corners(fit)), _beside(run, sensor, readings, sigma)
+    pair = max(filter(None, pairs), key=lambda pair: pair.probability, default=None)
     step = max((cut.rise for cut in jumps), default=0.0)
     jump = f"an end jumps by {step:.3g} mm from one strip to the next"
     at = jump if jumps else "a gap may hide in an inward corner"
@@ -289,19 +290,35 @@ def _pair_of(run: RunFit, pieces: RunPieces, inward: tuple[list[float], list[flo
         close = {i + off for i in at for off in range(-_NEAR_CORNER, _NEAR_CORNER + 1)}
         close |= {int(strips[cut.strip]) for of, cut in pieces.cuts if of == side} | {1, len(x) - 1}
         near.append(sorted(i for i in close if 0 < i < len(x)))
-    pairs = likeliest_pair(pieces.ends, near, right, pieces.seen), pair_beside(pieces.ends, right)
-    return max(filter(None, pairs), key=lambda pair: pair.probability, default=None)
+    return likeliest_pair(pieces.ends, near, right, pieces.seen)
+
+
+def _beside(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray], sigma: float) -> Pair | None:
+    """Return the two objects beside each other that one concave one may be, by all readings, also those left out."""
+    ends, read = _ends(replace(run, excluded=np.zeros_like(run.excluded)), sensor, readings, sigma)
+    assert run.selection is not None
+    x = run.problem.x[read]
+    right = [np.searchsorted(x, corners).tolist() for corners in inward_corners(run.selection.chosen)]
+    out = np.flatnonzero(run.excluded.any(axis=0)[read]).tolist()
+    return pair_beside(ends, right, out) if any(right) else None
 
 
 def _pair_at_the_ends(
     run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray], sigma: float
 ) -> Pair | None:
     """Return the two objects that a convex outline may be, of which one reaches an outermost strip further."""
+    return pair_at_the_ends(_ends(run, sensor, readings, sigma)[0])
+
+
+def _ends(
+    run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray], sigma: float
+) -> tuple[Ends, BoolArray]:
+    """Return what strips read that have both ends, and which these are (n,)."""
     x, l, u = _read_ends(run, sensor, readings)
     read = np.isfinite(l + u)
     x, l, u = x[read], l[read], u[read]
     noise = np.stack(end_deviations(sensor, l, u, sigma))
-    return pair_at_the_ends(Ends(x, np.stack([l, u]), noise, sensor.pitch_mm))
+    return Ends(x, np.stack([l, u]), noise, sensor.pitch_mm), read
 
 
 def _behind(cut: Cut, x: FloatArray) -> float:
