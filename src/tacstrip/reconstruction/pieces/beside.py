@@ -47,7 +47,7 @@ def pair_beside(
     """
     hidden = [strip + after for strip in left_out for after in (0, 1)]
     fits, best, found = ChainFits(ends, [[*of, *hidden] for of in corners]), -math.inf, None
-    for cuts in sorted(set(_meetings(len(ends.x), corners, hidden))):
+    for cuts in sorted(_meetings(len(ends.x), corners, hidden)):
         both = _placed(len(ends.x), cuts)
         parts: Chains = ([], [])
         more = -fits.of_one(both)
@@ -68,11 +68,10 @@ def pair_beside(
 
 def _meetings(n: int, corners: Sequence[Sequence[int]], hidden: Sequence[int]) -> Iterator[tuple[int, int]]:
     """Yield strips before which l, and u, may change from one object to the other."""
-    near, (of_l, of_u) = range(-_NEAR, _NEAR + 1), corners
-    for a, b in [*product(of_l, of_u), *product(of_l, hidden), *product(hidden, of_u)]:
-        for cuts in product([a + off for off in near], [b + off for off in near]):
-            if max(cuts) - min(cuts) <= _MOST_SHARED and min(cuts) >= _FEWEST and n - max(cuts) >= _FEWEST:
-                yield cuts
+    of_l, of_u = ({at + off for at in of for off in range(-_NEAR, _NEAR + 1)} for of in corners)
+    for cuts in {*product(of_l, of_u), *product(of_l, hidden), *product(hidden, of_u)}:
+        if max(cuts) - min(cuts) <= _MOST_SHARED and min(cuts) >= _FEWEST and n - max(cuts) >= _FEWEST:
+            yield cuts
 
 
 def _placed(n: int, cuts: tuple[int, int]) -> Places:
