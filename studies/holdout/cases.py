@@ -168,29 +168,35 @@ def neighbours(random: np.random.Generator, strips: int, names: tuple[str, ...],
     shared, nearly = int(random.integers(4)), random.random() < 0.25
     while True:
         unit = _unit(random, names, strips + 2, strips + 2, random.uniform(0.4, 1.2) * strips)
-        first = random.uniform(0.25, 0.75) * (strips + shared)
-        outlines = []
-        for across in (first, strips + shared - first):
-            outline = draw(str(random.choice([*PLAIN, "rounded"])), random)
-            outline = (outline - outline.min(axis=0)) * across * unit.pitch / np.ptp(outline[:, 0])
-            outline *= [1.0, min(1.0, 0.9 * unit.length / np.ptp(outline[:, 1]))]
-            outlines.append(outline + [0.0, random.random() * (unit.length - np.ptp(outline[:, 1]))])
-        outlines[0] = outlines[0] + [random.uniform(0.0, 2.0) * unit.pitch, 0.0]
-        border = outlines[0][:, 0].max() - (shared - random.uniform(0.0, 1.0)) * unit.pitch
-        outlines[1] = outlines[1] + [border, 0.0]
+        left, right = _two_across(random, unit, strips, shared)
         if nearly:
-            outlines[1] = _nearer(outlines[0], outlines[1], 0.002 * unit.length)
-        if outlines[1].max() > unit.strips * unit.pitch and outlines[1][:, 0].max() > unit.strips * unit.pitch:
+            right = _nearer(left, right, 0.002 * unit.length)
+        if right[:, 0].max() > unit.strips * unit.pitch:
             continue
-        if random.random() < 0.5:  # as often the larger, or the nearer one, on the left
+        outlines = [left, right]
+        if random.random() < 0.5:
             outlines = [outline * [-1.0, 1.0] + [unit.strips * unit.pitch, 0.0] for outline in outlines]
         a, b = (np.isfinite(unit.touched([outline])[0]) for outline in outlines)
         inside = all(0.0 < o[:, 1].min() and o[:, 1].max() < unit.length for o in outlines)
-        apart = shapely.Polygon(outlines[0]).distance(shapely.Polygon(outlines[1]))
-        at = np.flatnonzero(a | b)
-        if inside and min(a.sum(), b.sum()) >= 3 and (a & b).sum() == shared and apart > 0.0:
-            if len(at) == at[-1] - at[0] + 1:
-                return _noisy(random, "pair", unit, outlines, half_width)
+        apart = shapely.Polygon(left).distance(shapely.Polygon(right)) > 0.0
+        if not inside or not apart or min(a.sum(), b.sum()) < 3 or (a & b).sum() != shared:
+            continue
+        if np.ptp(np.flatnonzero(a | b)) == (a | b).sum() - 1:
+            return _noisy(random, "pair", unit, outlines, half_width)
+
+
+def _two_across(random: np.random.Generator, unit: Unit, strips: int, shared: int) -> tuple[Array, Array]:
+    """Return two convex outlines that cross about so many strips together, and `shared` of these both."""
+    first = random.uniform(0.25, 0.75) * (strips + shared)
+    outlines = []
+    for across in (first, strips + shared - first):
+        outline = draw(str(random.choice([*PLAIN, "rounded"])), random)
+        outline = (outline - outline.min(axis=0)) * across * unit.pitch / np.ptp(outline[:, 0])
+        outline *= [1.0, min(1.0, 0.9 * unit.length / np.ptp(outline[:, 1]))]
+        outlines.append(outline + [0.0, random.random() * (unit.length - np.ptp(outline[:, 1]))])
+    left, right = outlines
+    left = left + [random.uniform(0.0, 2.0) * unit.pitch, 0.0]
+    return left, right + [left[:, 0].max() - (shared - random.uniform(0.0, 1.0)) * unit.pitch, 0.0]
 
 
 def _nearer(fixed: Array, moved: Array, least: float) -> Array:
