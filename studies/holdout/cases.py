@@ -18,6 +18,7 @@ SETS = ("convex", "pairs", "channels", "regions", "material", "rounded", "unusua
 MISTOLD = ("noise half told", "noise twice told", "supply", "offset", "ratio", "one contact")
 FAULTS = ("dead", "stuck", "saturated")
 _T = TypeVar("_T")
+_NEARER = 60  # moves of an outline towards another one
 _TURNS = 200  # tries to place something before another outline is drawn
 
 
@@ -175,9 +176,11 @@ def neighbours(random: np.random.Generator, strips: int, names: tuple[str, ...],
             continue
         outlines = [left, right]
         if random.random() < 0.5:
-            outlines = [outline * [-1.0, 1.0] + [unit.strips * unit.pitch, 0.0] for outline in outlines]
+            outlines = [
+                outline * [-1.0, 1.0] + np.array([unit.strips * unit.pitch, 0.0]) for outline in outlines
+            ]
         a, b = (np.isfinite(unit.touched([outline])[0]) for outline in outlines)
-        inside = all(0.0 < o[:, 1].min() and o[:, 1].max() < unit.length for o in outlines)
+        inside = all(o[:, 1].min() > 0.0 and o[:, 1].max() < unit.length for o in outlines)
         apart = shapely.Polygon(left).distance(shapely.Polygon(right)) > 0.0
         if not inside or not apart or min(a.sum(), b.sum()) < 3 or (a & b).sum() != shared:
             continue
@@ -193,21 +196,23 @@ def _two_across(random: np.random.Generator, unit: Unit, strips: int, shared: in
         outline = draw(str(random.choice([*PLAIN, "rounded"])), random)
         outline = (outline - outline.min(axis=0)) * across * unit.pitch / np.ptp(outline[:, 0])
         outline *= [1.0, min(1.0, 0.9 * unit.length / np.ptp(outline[:, 1]))]
-        outlines.append(outline + [0.0, random.random() * (unit.length - np.ptp(outline[:, 1]))])
+        outline[:, 1] += random.random() * (unit.length - np.ptp(outline[:, 1]))
+        outlines.append(outline)
     left, right = outlines
-    left = left + [random.uniform(0.0, 2.0) * unit.pitch, 0.0]
-    return left, right + [left[:, 0].max() - (shared - random.uniform(0.0, 1.0)) * unit.pitch, 0.0]
+    left[:, 0] += random.uniform(0.0, 2.0) * unit.pitch
+    right[:, 0] += left[:, 0].max() - (shared - random.uniform(0.0, 1.0)) * unit.pitch
+    return left, right
 
 
 def _nearer(fixed: Array, moved: Array, least: float) -> Array:
     """Return an outline moved along the strips to within `least` of another, where they meet."""
-    off = 0.0
-    for _ in range(60):
-        distance = shapely.Polygon(fixed).distance(shapely.Polygon(moved + [0.0, off]))
+    at = moved.copy()
+    for _ in range(_NEARER):
+        distance = shapely.Polygon(fixed).distance(shapely.Polygon(at))
         if distance <= least:
             break
-        off += np.sign(fixed[:, 1].mean() - moved[:, 1].mean() - off) * 0.7 * max(distance, least)
-    return moved + [0.0, off]
+        at[:, 1] += np.sign(fixed[:, 1].mean() - at[:, 1].mean()) * 0.7 * max(distance, least)
+    return at
 
 
 def channels(random: np.random.Generator) -> Case:

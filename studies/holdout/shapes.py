@@ -114,16 +114,16 @@ def _draw(category: str, random: np.random.Generator) -> Array:
             (low, high), wide = random.uniform(0.3, 0.7, 2), random.uniform(0.1, 0.3, 2)
             below = [(low - wide[0], 0.0), (low, deep[0]), (low + wide[0], 0.0)]
             above = [(high + wide[1], height), (high, height - deep[1]), (high - wide[1], height)]
-            return turned(
-                np.vstack([rectangle[:1], below, rectangle[1:3], above, rectangle[3:]]), 4.0 * turn
-            )
+            return turned(np.vstack([rectangle[:1], below, rectangle[1:3], above, rectangle[3:]]), 4.0 * turn)
         case "joined":
             first, second = (_draw(str(random.choice(PLAIN)), random) for _ in range(2))
             second = second * random.uniform(0.5, 1.0) * np.ptp(first) / np.ptp(second)
             along = turned(np.array([[1.0, 0.0]]), 4.0 * turn)[0]
             off = (first @ along).max() - (second @ along).min() - random.uniform(0.02, 0.3) * np.ptp(first)
             side = np.array([-along[1], along[0]])
-            off_side = (first @ side).mean() - (second @ side).mean() + random.uniform(-0.3, 0.3) * np.ptp(first)
+            off_side = (
+                (first @ side).mean() - (second @ side).mean() + random.uniform(-0.3, 0.3) * np.ptp(first)
+            )
             both = [shapely.Polygon(o) for o in (first, second + off * along + off_side * side)]
             whole = shapely.union_all([o.buffer(0.0) for o in both])
             if whole.geom_type != "Polygon":

@@ -31,9 +31,7 @@ _CONSTANT, _BY_JUMPS = 1.5, 0.5
 _LEAST = 0.01  # probability, from which two objects are told
 
 
-def pair_beside(
-    ends: Ends, corners: Sequence[Sequence[int]], left_out: Sequence[int] = ()
-) -> Pair | None:
+def pair_beside(ends: Ends, corners: Sequence[Sequence[int]], left_out: Sequence[int] = ()) -> Pair | None:
     """Return the likeliest two objects beside each other; None where no waist shows, or where they are hardly likely.
 
     Parameters

@@ -18,8 +18,8 @@ from tacstrip.geometry.moments import moments
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.contact_ends import closed_ends, end_deviations
 from tacstrip.reconstruction.noise_covariance import CorrelatedErrors
-from tacstrip.reconstruction.pieces.chain import Cut
 from tacstrip.reconstruction.pieces.beside import pair_beside
+from tacstrip.reconstruction.pieces.chain import Cut
 from tacstrip.reconstruction.pieces.pair import Ends, Pair, likeliest_pair, pair_at_the_ends
 from tacstrip.reconstruction.pieces.run import RunPieces, split_run
 from tacstrip.reconstruction.polygon.chi_square import ALARM, squares_score
@@ -299,7 +299,7 @@ def _beside(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray], sig
     assert run.selection is not None
     x = run.problem.x[read]
     right = [np.searchsorted(x, corners).tolist() for corners in inward_corners(run.selection.chosen)]
-    out = np.flatnonzero(run.excluded.any(axis=0)[read]).tolist()
+    out = np.flatnonzero(np.asarray(run.excluded.any(axis=0))[read]).tolist()
     return pair_beside(ends, right, out) if any(right) else None
 
 

@@ -111,8 +111,8 @@ def two_objects(pair: Pair, right: bool, confidence: float) -> tuple[str, str]:
     slide = "slide or turn the contact and track it, or add a second layer, to tell"
     meet = ""
     if pair.meeting_mm is not None:
-        left, right = pair.meeting_mm
-        meet = f", which would meet between x = {left:.4g} and {right:.4g} mm, where the ends of each are not seen"
+        between = "x = {:.4g} and {:.4g} mm".format(*pair.meeting_mm)
+        meet = f", which would meet between {between}, where the ends of each are not seen"
     sure = f"with a probability of {pair.probability:.2f} (see the alternatives){meet}: {slide}"
     where = "on the same strips" if pair.shared else "beside each other"
     told = (
