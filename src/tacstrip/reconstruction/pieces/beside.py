@@ -8,7 +8,7 @@ few strips hardly tell.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import product
 
 from tacstrip.reconstruction.pieces.pair import (
@@ -26,7 +26,7 @@ _MOST_SHARED = 3  # strips
 _NEAR = 3  # strips from an inward corner to where an object begins or ends
 _FEWEST = 3  # strips of an object
 # Log odds of two objects where both ends of a contact turn inwards at one place, fitted to drawn contacts, of which two
-# objects are as common as a concave one: a constant, and what log odds of the jumps there tell.
+# objects are as common as a concave one: a constant, if both are seen to do so, and what log odds of the jumps tell.
 _CONSTANT, _BY_JUMPS = 1.5, 0.5
 _LEAST = 0.01  # probability, from which two objects are told
 
@@ -44,8 +44,12 @@ def pair_beside(ends: Ends, corners: Sequence[Sequence[int]], left_out: Sequence
         Strips that this outline passes by: l or u may turn inwards there.
     """
     hidden = [strip + after for strip in left_out for after in (0, 1)]
-    fits, best, found = ChainFits(ends, [[*of, *hidden] for of in corners]), -math.inf, None
-    for cuts in sorted(_meetings(len(ends.x), corners, hidden)):
+    fits, best, found = (
+        ChainFits(ends, [[*of, *hidden] for of in corners]),
+        math.log(_LEAST / (1.0 - _LEAST)),
+        None,
+    )
+    for cuts, told in sorted(_meetings(len(ends.x), corners, hidden).items()):
         both = _placed(len(ends.x), cuts)
         parts: Chains = ([], [])
         more = -fits.of_one(both)
@@ -53,23 +57,28 @@ def pair_beside(ends: Ends, corners: Sequence[Sequence[int]], left_out: Sequence
             fitted, chi_square = fits.chain(side, *place, inside)
             parts[side].append(fitted)
             more += chi_square
-        odds = _of_jumps(ends, cuts, both, parts) - 0.5 * max(more, 0.0)
+        odds = told + _BY_JUMPS * (_of_jumps(ends, cuts, both, parts) - 0.5 * max(more, 0.0))
         if odds > best and (hulls := shown(ends, both, parts)) is not None:
             best, found = odds, (hulls, cuts)
-    odds = _CONSTANT + _BY_JUMPS * best
-    if found is None or odds < math.log(_LEAST / (1.0 - _LEAST)):
+    if found is None:
         return None
     hulls, (first, last) = found[0], sorted(found[1])
     meeting = float(ends.x[first - 1]), float(ends.x[last])
-    return Pair(*hulls, 1.0 / (1.0 + math.exp(-odds)), meeting_mm=meeting, shared=last - first)
+    return Pair(*hulls, 1.0 / (1.0 + math.exp(-best)), meeting_mm=meeting, shared=last - first)
 
 
-def _meetings(n: int, corners: Sequence[Sequence[int]], hidden: Sequence[int]) -> Iterator[tuple[int, int]]:
-    """Yield strips before which l, and u, may change from one object to the other."""
+def _meetings(
+    n: int, corners: Sequence[Sequence[int]], hidden: Sequence[int]
+) -> dict[tuple[int, int], float]:
+    """Return strips before which l, and u, may change from one object to the other, and log odds of that."""
     of_l, of_u = ({at + off for at in of for off in range(-_NEAR, _NEAR + 1)} for of in corners)
-    for cuts in {*product(of_l, of_u), *product(of_l, hidden), *product(hidden, of_u)}:
-        if max(cuts) - min(cuts) <= _MOST_SHARED and min(cuts) >= _FEWEST and n - max(cuts) >= _FEWEST:
-            yield cuts
+    found = dict.fromkeys([*product(of_l, hidden), *product(hidden, of_u)], 0.0)
+    found |= dict.fromkeys(product(of_l, of_u), _CONSTANT)
+    return {
+        cuts: told
+        for cuts, told in found.items()
+        if max(cuts) - min(cuts) <= _MOST_SHARED and min(cuts) >= _FEWEST and n - max(cuts) >= _FEWEST
+    }
 
 
 def _placed(n: int, cuts: tuple[int, int]) -> Places:
