@@ -11,13 +11,14 @@ import shapely
 
 import tacstrip as ts
 from studies.holdout.readings import Unit, white
-from studies.holdout.shapes import CONCAVE, CONVEX, PLAIN, ROUNDED, UNUSUAL, Array, draw, is_convex
+from studies.holdout.shapes import CONCAVE, CONVEX, PLAIN, ROUNDED, UNUSUAL, WAISTED, Array, draw, is_convex
 
-SETS = ("convex", "pairs", "channels", "regions", "material", "rounded", "unusual", "wide")
+SETS = ("convex", "pairs", "channels", "regions", "material", "rounded", "unusual", "wide", "beside")
 # Plain shapes whose unit is not what the estimator is told.
 MISTOLD = ("noise half told", "noise twice told", "supply", "offset", "ratio", "one contact")
 FAULTS = ("dead", "stuck", "saturated")
 _T = TypeVar("_T")
+_NEARER = 60  # moves of an outline towards another one
 _TURNS = 200  # tries to place something before another outline is drawn
 
 
@@ -149,6 +150,69 @@ def pair(random: np.random.Generator, strips: int, names: tuple[str, ...], half_
             apart = shapely.Polygon(outlines[0]).distance(shapely.Polygon(outlines[1]))
             if min(a.sum(), b.sum()) >= 3 and (a & b).sum() >= 2 and apart > 0.02 * unit.length:
                 return _noisy(random, "pair", unit, outlines, half_width)
+
+
+def beside(random: np.random.Generator) -> Case:
+    """Draw two convex shapes beside each other, or, one time in three, a concave one, often with a waist."""
+    strips, half_width = int(random.integers(8, 25)), log_uniform(random, 0.002, 0.01)
+    names = _choose(random, {("kh", "kl"): 0.7, ("k",): 0.1, ("kh",): 0.1, ("kl",): 0.1})
+    if random.random() < 1 / 3:
+        return single(random, str(random.choice([*CONCAVE, *WAISTED, *WAISTED])), strips, names, half_width)
+    return neighbours(random, strips, names, half_width)
+
+
+def neighbours(random: np.random.Generator, strips: int, names: tuple[str, ...], half_width: float) -> Case:
+    """Draw two convex shapes that share none to three of about so many strips, with no untouched one between.
+
+    They lie apart by any distance along the strips, or, one time in four, nearly touch.
+    """
+    shared, nearly = int(random.integers(4)), random.random() < 0.25
+    while True:
+        unit = _unit(random, names, strips + 2, strips + 2, random.uniform(0.4, 1.2) * strips)
+        left, right = _two_across(random, unit, strips, shared)
+        if nearly:
+            right = _nearer(left, right, 0.002 * unit.length)
+        if right[:, 0].max() > unit.strips * unit.pitch:
+            continue
+        outlines = [left, right]
+        if random.random() < 0.5:
+            outlines = [
+                outline * [-1.0, 1.0] + np.array([unit.strips * unit.pitch, 0.0]) for outline in outlines
+            ]
+        a, b = (np.isfinite(unit.touched([outline])[0]) for outline in outlines)
+        inside = all(o[:, 1].min() > 0.0 and o[:, 1].max() < unit.length for o in outlines)
+        apart = shapely.Polygon(left).distance(shapely.Polygon(right)) > 0.0
+        if not inside or not apart or min(a.sum(), b.sum()) < 3 or (a & b).sum() != shared:
+            continue
+        if np.ptp(np.flatnonzero(a | b)) == (a | b).sum() - 1:
+            return _noisy(random, "pair", unit, outlines, half_width)
+
+
+def _two_across(random: np.random.Generator, unit: Unit, strips: int, shared: int) -> tuple[Array, Array]:
+    """Return two convex outlines that cross about so many strips together, and `shared` of these both."""
+    first = random.uniform(0.25, 0.75) * (strips + shared)
+    outlines = []
+    for across in (first, strips + shared - first):
+        outline = draw(str(random.choice([*PLAIN, "rounded"])), random)
+        outline = (outline - outline.min(axis=0)) * across * unit.pitch / np.ptp(outline[:, 0])
+        outline *= [1.0, min(1.0, 0.9 * unit.length / np.ptp(outline[:, 1]))]
+        outline[:, 1] += random.random() * (unit.length - np.ptp(outline[:, 1]))
+        outlines.append(outline)
+    left, right = outlines
+    left[:, 0] += random.uniform(0.0, 2.0) * unit.pitch
+    right[:, 0] += left[:, 0].max() - (shared - random.uniform(0.0, 1.0)) * unit.pitch
+    return left, right
+
+
+def _nearer(fixed: Array, moved: Array, least: float) -> Array:
+    """Return an outline moved along the strips to within `least` of another, where they meet."""
+    at = moved.copy()
+    for _ in range(_NEARER):
+        distance = shapely.Polygon(fixed).distance(shapely.Polygon(at))
+        if distance <= least:
+            break
+        at[:, 1] += np.sign(fixed[:, 1].mean() - at[:, 1].mean()) * 0.7 * max(distance, least)
+    return at
 
 
 def channels(random: np.random.Generator) -> Case:

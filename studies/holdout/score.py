@@ -97,9 +97,9 @@ def score_convex(seed: int, mode: str, number: int, which: str = "convex") -> li
     return [judged(case, fit(case.unit, case.unit.scan(case.read), told_noise(case), **MODES[mode]))]
 
 
-def score_pairs(seed: int, mode: str, number: int) -> list[Row]:
+def score_pairs(seed: int, mode: str, number: int, which: str = "pairs") -> list[Row]:
     """Fit two shapes or a concave one, and ask how far the readings are from every convex outline."""
-    case = cases.pairs(cases.rng("pairs", seed, number))
+    case = getattr(cases, which)(cases.rng(which, seed, number))
     row = judged(case, fit(case.unit, case.unit.scan(case.read), told_noise(case), **MODES[mode]))
     read = np.clip(case.read, 0.0, 1.0)
     row["p"] = best_convex(case.unit, read, case.unit.sigma(case.half_width), case.low, case.high).p
@@ -359,6 +359,7 @@ SCORES: dict[str, tuple[Callable[[int, str, int], list[Row]], Callable[[list[Row
     "rounded": (partial(score_convex, which="rounded"), table_convex),
     "unusual": (partial(score_convex, which="unusual"), table_convex),
     "wide": (partial(score_convex, which="wide"), table_convex),
+    "beside": (partial(score_pairs, which="beside"), table_pairs),
 }
 
 

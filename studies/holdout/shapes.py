@@ -33,6 +33,7 @@ ROUNDED = (
 )
 CONCAVE = ("L", "dart", "star", "notched", "crescent")
 UNUSUAL = ("letter", "touching", "bowed", "bar")
+WAISTED = ("hourglass", "joined")  # narrow in the middle, where two objects beside each other meet
 # Boxes (left, bottom, right, top) that letters are made of.
 _LETTERS = (
     ((0.0, 0.75, 1.0, 1.0), (0.35, 0.0, 0.65, 1.0)),  # T
@@ -108,6 +109,26 @@ def _draw(category: str, random: np.random.Generator) -> Array:
             at, deep = random.uniform(0.35, 0.65), random.uniform(0.3, 0.7)
             notch = [(at + 0.2, height), (at, (1.0 - deep) * height), (at - 0.2, height)]
             return turned(np.vstack([rectangle[:3], notch, rectangle[3:]]), 4.0 * turn)
+        case "hourglass":
+            deep = random.uniform(0.1, 0.45, 2) * height
+            (low, high), wide = random.uniform(0.3, 0.7, 2), random.uniform(0.1, 0.3, 2)
+            below = [(low - wide[0], 0.0), (low, deep[0]), (low + wide[0], 0.0)]
+            above = [(high + wide[1], height), (high, height - deep[1]), (high - wide[1], height)]
+            return turned(np.vstack([rectangle[:1], below, rectangle[1:3], above, rectangle[3:]]), 4.0 * turn)
+        case "joined":
+            first, second = (_draw(str(random.choice(PLAIN)), random) for _ in range(2))
+            second = second * random.uniform(0.5, 1.0) * np.ptp(first) / np.ptp(second)
+            along = turned(np.array([[1.0, 0.0]]), 4.0 * turn)[0]
+            off = (first @ along).max() - (second @ along).min() - random.uniform(0.02, 0.3) * np.ptp(first)
+            side = np.array([-along[1], along[0]])
+            off_side = (
+                (first @ side).mean() - (second @ side).mean() + random.uniform(-0.3, 0.3) * np.ptp(first)
+            )
+            both = [shapely.Polygon(o) for o in (first, second + off * along + off_side * side)]
+            whole = shapely.union_all([o.buffer(0.0) for o in both])
+            if whole.geom_type != "Polygon":
+                return _draw(category, random)
+            return np.array(whole.exterior.coords)[:-1]
         case "crescent":
             disc, bite = (
                 shapely.Point(0, 0).buffer(1.0, 48),

@@ -9,6 +9,7 @@ import tacstrip as ts
 from tacstrip.arrays import FloatArray
 from tacstrip.core.convex_chain import convex_regression
 from tacstrip.reconstruction.pieces import pair
+from tacstrip.reconstruction.pieces.beside import pair_beside
 from tacstrip.reconstruction.pieces.run import split_run
 
 
@@ -26,6 +27,20 @@ def test_no_chain_is_fitted_to_no_strips(monkeypatch: pytest.MonkeyPatch) -> Non
     ends = pair.Ends(x, np.stack([low, np.full(12, 60.0)]), np.full((2, 12), 0.1), 1.0)
     assert pair.likeliest_pair(ends, ([6], [6]), ([6], []), pair.Seen(0.1, 0.3, 3.0)) is not None
     assert min(sizes) > 0
+
+
+def test_two_objects_beside_each_other_are_asked_for_where_both_ends_turn_inwards() -> None:
+    x = np.arange(14.0)
+    away = np.abs(x - 6.5)
+    ends = pair.Ends(x, np.stack([50.0 - 3.0 * away, 54.0 + 3.0 * away]), np.full((2, 14), 0.1), 1.0)
+    found, left_out = pair_beside(ends, ([7], [7])), pair_beside(ends, ([7], []), [6])
+    assert found is not None
+    assert left_out is not None
+    assert found.shared == 0
+    assert found.meeting_mm == (6.0, 7.0)
+    assert max(found.lower[:, 0].max(), found.upper[:, 0].max()) == 13.0
+    assert found.probability > left_out.probability + 0.2  # of these one corner is not seen
+    assert pair_beside(ends, ([7], [])) is None
 
 
 @pytest.mark.parametrize(

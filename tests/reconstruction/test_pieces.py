@@ -57,6 +57,17 @@ def test_pieces_that_share_strips_are_counted_and_seen_corners_lie_on_them(
         assert ("at least" in piece.advice) == (len(shapes) > 1)
 
 
+def test_a_jump_between_few_strips_is_not_taken_for_noise_that_nobody_gave() -> None:
+    sensor = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=8.0, length_mm=100.0)
+    low, high = (
+        Polygon([(13, 22), (40, 22), (38, 34), (2, 32)]),
+        Polygon([(34, 49), (72, 55), (62, 81), (44, 81)]),
+    )
+    noise = ts.Noise(positional=0.004)
+    scan = _scan(low, high, sensor=sensor, noise=noise)
+    assert len(ts.pieces(scan, sensor, noise)) == len(ts.pieces(scan, sensor)) == 2
+
+
 def _iou(a: np.ndarray, b: np.ndarray) -> float:
     return float(Polygon(a).intersection(Polygon(b)).area / Polygon(a).union(Polygon(b)).area)
 

@@ -187,6 +187,41 @@ def test_both_objects_of_an_alternative_are_written_and_drawn() -> None:
     assert any(line.shape == other.others[0].shape and np.allclose(line, other.others[0]) for line in drawn)
 
 
+# Two objects that point at each other and share no strip, or two: one with a waist reads so, too.
+_BESIDE = {
+    "beside each other": ([(15, 25), (49.5, 52), (15, 75)], [(50.6, 48), (86, 20), (86, 80)]),
+    "on the same strips": ([(15, 25), (52, 58), (15, 75)], [(48, 44), (86, 20), (86, 80)]),
+}
+
+
+@pytest.mark.parametrize("told", [True, False])
+@pytest.mark.parametrize("where", _BESIDE)
+def test_two_objects_beside_each_other_are_never_one_ok(where: str, told: bool) -> None:
+    left, right = map(Polygon, _BESIDE[where])
+    found = _fitted(left, right, told=told)
+    assert found.status == "doubtful"
+    assert "which would meet between x = 4" in found.advice
+    likeliest = found.alternatives[0]
+    assert likeliest.weight > 0.3
+    shown = sorted((likeliest.vertices, *likeliest.others), key=lambda outline: float(outline[0, 0]))
+    for outline, truth in zip(shown, (left, right), strict=True):
+        own = Polygon(outline)
+        assert own.intersection(truth).area > 0.8 * own.union(truth).area
+
+
+def test_one_object_with_a_waist_is_ok_where_it_is_known_to_be_one() -> None:
+    found = _fitted(*map(Polygon, _BESIDE["beside each other"]), one_object=True)
+    assert found.status == "ok"
+
+
+def test_a_reading_that_an_outline_passes_by_may_be_where_two_objects_meet() -> None:
+    left = [(8.9, 67.8), (40.1, 48.2), (51.1, 69.6), (48.0, 71.2), (17.0, 77.2)]
+    right = [(52.9, 59.9), (54.9, 55.9), (72.3, 27.1), (89.1, 37.6), (63.0, 66.3), (58.0, 64.5)]
+    sensor = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=6.0, length_mm=110.0)
+    found = _fitted(Polygon(left), Polygon(right), sensor=sensor, noise=ts.Noise(positional=0.008))
+    assert found.status == "doubtful"
+
+
 def test_inward_corners_without_a_jump_are_hardly_two_objects() -> None:
     for degrees in (0.0, 120.0):
         found = _fitted(_placed(DART, degrees))

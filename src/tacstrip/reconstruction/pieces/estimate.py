@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -21,8 +24,10 @@ from tacstrip.reconstruction.on_surface import refuse_surface
 from tacstrip.reconstruction.pieces.bounds import Bounds, piece_bounds
 from tacstrip.reconstruction.pieces.cover import Part
 from tacstrip.reconstruction.pieces.outline import PieceOutline, shown_hull, trace
-from tacstrip.reconstruction.pieces.run import FEW_STRIPS, GAP, RunPieces, noise_level, split_run
+from tacstrip.reconstruction.pieces.run import FEW_STRIPS, GAP, LEAST_SIGMA, RunPieces, noise_level, split_run
+from tacstrip.reconstruction.polygon.faulty_channel import MOST_STRIPS
 from tacstrip.reconstruction.polygon.status import two_objects
+from tacstrip.reconstruction.polygon.unknown_noise import ONE, log_probability
 from tacstrip.reconstruction.posterior.assessment import PROMISED_IOU
 from tacstrip.reconstruction.result import Alternative, Reconstruction, RecoveredObject, Status
 from tacstrip.reconstruction.seam import BRIDGED
@@ -32,6 +37,7 @@ from tacstrip.sensor.left_out import left_out_wholly
 from tacstrip.sensor.spec import Sensor
 
 _FEW = 3  # strips: fewer show no shape
+_STEP = 0.7  # from one noise by which pieces are looked for to the next
 _WEAK = 30.0  # of chi square: a cut by which the fit gains less may be chance
 _NO_AREA = 1e-9  # mm2
 _OVERLAP = 0.05  # of the smaller of two hulls
@@ -182,7 +188,32 @@ def _split(scan: Scan, sensor: Sensor, strips: slice, noise: Noise | None) -> Ru
     sigma = noise_level(np.stack([kh, kl]), sensor) if noise is None else fit_sigma(noise, sensor, averaging)
     with np.errstate(divide="ignore", invalid="ignore"):
         l, u = closed_ends(sensor, kh, kl)
-    return split_run(sensor, sensor.x_mm[strips], l, u, sigma)
+    run = split_run(sensor, sensor.x_mm[strips], l, u, sigma)
+    if noise is None and run.count == 1 and len(kh) <= MOST_STRIPS:
+        return _less_noise(run, sigma, partial(split_run, sensor, sensor.x_mm[strips], l, u), sensor.adc_step)
+    return run
+
+
+def _less_noise(run: RunPieces, sigma: float, split: Callable[[float], RunPieces], step: float) -> RunPieces:
+    """Return a run's pieces by less noise where they are likelier: jumps between few strips pass for noise.
+
+    `run` is one piece by noise of `sigma` [Vref], which nobody gave; `split` what it is by another one; `step` of the
+    converter.
+    """
+    least = max(LEAST_SIGMA, step / math.sqrt(12.0))
+
+    def likely(found: RunPieces, at: float) -> float:
+        chi_square, n, numbers = found.left_over
+        return log_probability(chi_square * at**2, max(n - numbers, 1), numbers, least)[1]
+
+    best, at = (run, likely(run, sigma) + math.log(ONE)), _STEP * sigma
+    while at >= least:
+        found = split(at)
+        _, n, numbers = found.left_over
+        if numbers >= n:  # so many lines explain readings of any noise
+            break
+        best, at = max(best, (found, likely(found, at)), key=lambda each: each[1]), _STEP * at
+    return best[0]
 
 
 def _of_run(run: RunPieces, sensor: Sensor, strips: slice, before: int) -> list[Piece]:

@@ -13,7 +13,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache
 from itertools import pairwise, product
 from typing import TypeAlias
 
@@ -44,8 +43,8 @@ _NORMAL = math.sqrt(2.0 * math.pi)
 _LEAST = 0.01  # probability by that prior, from which two objects are told
 
 
-_Places: TypeAlias = tuple[tuple[int, int], tuple[int, int]]  # strips of the lower, and of the upper object
-_Chains: TypeAlias = tuple[
+Places: TypeAlias = tuple[tuple[int, int], tuple[int, int]]  # strips of the lower, and of the upper object
+Chains: TypeAlias = tuple[
     list[FloatArray], ...
 ]  # of l and of -u: on the strips of its object, and on the others
 
@@ -64,6 +63,10 @@ class Pair:
         Whether it is one convex object else.
     advice
         What shows that they touch nowhere, in words; "" where nothing does.
+    meeting_mm
+        Of two beside each other: between which x they meet, where what each has of its end is not seen.
+    shared
+        Strips that both touch.
     """
 
     lower: FloatArray
@@ -71,6 +74,8 @@ class Pair:
     probability: float
     one_convex: bool = False
     advice: str = ""
+    meeting_mm: tuple[float, float] | None = None
+    shared: int = 1
 
     @property
     def alternative(self) -> Alternative:
@@ -123,6 +128,65 @@ class Seen:
         return _CONSTANT + of_gap + of_size + _BY_RISE * math.log(self.rise + _FLAT)
 
 
+class ChainFits:
+    """Convex regressions of a run's ends, which two objects and one are made of.
+
+    Parameters
+    ----------
+    ends
+        Of the run.
+    corners
+        Strips right of the inward corners of l, and of u, between which one object's chains are convex. None: it is.
+    """
+
+    def __init__(self, ends: Ends, corners: Sequence[Sequence[int]] | None) -> None:
+        self._ends, self._corners, self._n = ends, corners, len(ends.x)
+        self._y, self._weight = ends.y * [[1.0], [-1.0]], 1.0 / ends.sigma**2
+        self._chains: dict[tuple[int, int, int, bool], tuple[FloatArray, float]] = {}
+        self._least: dict[tuple[int, tuple[int, ...]], float] = {}
+
+    def chain(self, side: int, begin: int, end: int, inside: bool) -> tuple[FloatArray, float]:
+        """Return the convex chain of the strips from begin to end, or of the others, and its chi square."""
+        found = self._chains.get((side, begin, end, inside))
+        if found is None:
+            own, y, weight = strips_from(self._n, begin, end) == inside, self._y[side], self._weight[side]
+            fitted, chi_square = y[own], 0.0
+            if own.any():  # else the other one's, of one that is on all strips
+                fitted, _ = convex_regression(self._ends.x[own], fitted, weight[own])
+                chi_square = float((weight[own] * (y[own] - fitted) ** 2).sum())
+            found = self._chains[side, begin, end, inside] = fitted, chi_square
+        return found
+
+    def of_one(self, both: Places) -> float:
+        """Return the chi square that one object leaves where two would be so placed."""
+        total = 0.0
+        for side, place in enumerate(both):
+            cuts = tuple(i for i in place if 0 < i < self._n)
+            if (side, cuts) not in self._least:
+                self._least[side, cuts] = self._least_of(side, cuts)
+            total += self._least[side, cuts]
+        return total
+
+    def _alone(self, side: int, cuts: Sequence[int]) -> float:
+        """Return the chi square of one object's chain that is convex between cuts."""
+        return sum(self.chain(side, a, b, True)[1] for a, b in pairwise(sorted({0, *cuts, self._n})))
+
+    def _least_of(self, side: int, cuts: tuple[int, ...]) -> float:
+        """Return what one object's chain leaves that rises before the same strips as a pair's.
+
+        Its corner may lie a strip away, if that strip lies on the edge between: by a chance of its noise to the rise.
+        """
+        own = [] if self._corners is None else list(self._corners[side])
+        found, y = self._alone(side, own), self._y[side]
+        for cut in cuts:
+            if near := [i for i in own if abs(i - cut) == 1]:
+                on, rise = min(cut, near[0]), abs(y[cut] - y[cut - 1])
+                chance = 2.0 * math.log(max(rise / (_NORMAL * self._ends.sigma[side, on]), 1.0))
+                same = self._alone(side, [cut if i == near[0] else i for i in own])
+                found += min(max(same - found, 0.0), chance)
+        return found
+
+
 def likeliest_pair(
     ends: Ends,
     places: Sequence[Sequence[int]],
@@ -145,53 +209,23 @@ def likeliest_pair(
     """
     n, best, found = len(ends.x), math.log(_LEAST / (1.0 - _LEAST)), None
     limit = math.inf if corners is None else math.log(4.0 / _OVERHANG)
-    y, weight = ends.y * [[1.0], [-1.0]], 1.0 / ends.sigma**2
-
-    @cache
-    def chain(side: int, begin: int, end: int, inside: bool) -> tuple[FloatArray, float]:
-        """Return the convex chain of the strips from begin to end, or of the others, and its chi square."""
-        own = _strips(n, begin, end) == inside
-        if not own.any():  # the other one's, of one that is on all strips
-            return y[side, own], 0.0
-        fitted, _ = convex_regression(ends.x[own], y[side, own], weight[side, own])
-        return fitted, float((weight[side, own] * (y[side, own] - fitted) ** 2).sum())
-
-    def alone(side: int, cuts: Sequence[int]) -> float:
-        """Return the chi square of one object's chain that is convex between cuts."""
-        return sum(chain(side, a, b, True)[1] for a, b in pairwise(sorted({0, *cuts, n})))
-
-    @cache
-    def least(side: int, cuts: tuple[int, ...]) -> float:
-        """Return what one object's chain leaves that rises before the same strips as a pair's.
-
-        Its corner may lie a strip away, if that strip lies on the edge between: by a chance of its noise to the rise.
-        """
-        own = [] if corners is None else list(corners[side])
-        found = alone(side, own)
-        for cut in cuts:
-            if near := [i for i in own if abs(i - cut) == 1]:
-                on, rise = min(cut, near[0]), abs(y[side, cut] - y[side, cut - 1])
-                chance = 2.0 * math.log(max(rise / (_NORMAL * ends.sigma[side, on]), 1.0))
-                same = alone(side, [cut if i == near[0] else i for i in own])
-                found += min(max(same - found, 0.0), chance)
-        return found
-
+    fits = ChainFits(ends, corners)
     for both in _places(n, places):
         # Where the lower object is, l is its; where the upper one is, u is its; elsewhere the other's.
-        more = -sum(least(side, tuple(i for i in place if 0 < i < n)) for side, place in enumerate(both))
+        more = -fits.of_one(both)
         parts: tuple[list[FloatArray], ...] = ([], [])
         for (side, place), inside in product(enumerate(both), (True, False)):
             if limit - 0.5 * max(more, 0.0) <= best:
                 break
-            fitted, chi_square = chain(side, *place, inside)
+            fitted, chi_square = fits.chain(side, *place, inside)
             parts[side].append(fitted)
             more += chi_square
         if limit - 0.5 * max(more, 0.0) <= best:
             continue
         prior = _log_odds_to_convex(ends, both) if corners is None else _log_odds(ends, both, parts)
         odds = prior - 0.5 * max(more, 0.0)
-        if odds > best and (shown := _shown(ends, both, parts)) is not None:
-            best, found = odds, shown
+        if odds > best and (hulls := shown(ends, both, parts)) is not None:
+            best, found = odds, hulls
     if found is None:
         return None
     odds = best if seen is None else best + seen.log_odds
@@ -216,13 +250,14 @@ def pair_at_the_ends(ends: Ends) -> Pair | None:
     return likeliest_pair(ends, near, None)
 
 
-def _strips(n: int, begin: int, end: int) -> BoolArray:
+def strips_from(n: int, begin: int, end: int) -> BoolArray:
+    """Return which of n strips are those from `begin` to before `end`."""
     own = np.zeros(n, dtype=np.bool_)
     own[begin:end] = True
     return own
 
 
-def _places(n: int, corners: Sequence[Sequence[int]]) -> Iterator[_Places]:
+def _places(n: int, corners: Sequence[Sequence[int]]) -> Iterator[Places]:
     """Yield the strips of the lower and of the upper object, together all, with no untouched one between."""
     whole, (of_l, of_u) = (0, n), corners
     for i in of_l:
@@ -241,7 +276,7 @@ def _places(n: int, corners: Sequence[Sequence[int]]) -> Iterator[_Places]:
             yield (whole, place) if upper else (place, whole)
 
 
-def _log_odds_to_convex(ends: Ends, both: _Places) -> float:
+def _log_odds_to_convex(ends: Ends, both: Places) -> float:
     """Return the log odds of two objects so placed to one convex one, of which an edge crosses just an outermost strip.
 
     One object is about as broad as it is high: that an edge rises far within a pitch is the rarer, the further it does
@@ -257,9 +292,9 @@ def _log_odds_to_convex(ends: Ends, both: _Places) -> float:
     return odds + _BY_PARALLEL * _parallel(ends, both)
 
 
-def _parallel(ends: Ends, both: _Places) -> bool:
+def _parallel(ends: Ends, both: Places) -> bool:
     """Whether parallel lines explain the lower object's l and the upper one's u."""
-    own = np.stack([_strips(len(ends.x), *place) for place in both])
+    own = np.stack([strips_from(len(ends.x), *place) for place in both])
     side, strip = np.nonzero(own)
     lines = np.column_stack([side == 0, side == 1, ends.x[strip] - ends.x.mean()]) / ends.sigma[own][:, None]
     target = ends.y[own] / ends.sigma[own]
@@ -268,7 +303,7 @@ def _parallel(ends: Ends, both: _Places) -> bool:
     return float(off @ off) <= freedom + _PARALLEL * math.sqrt(2.0 * freedom)
 
 
-def _log_odds(ends: Ends, both: _Places, parts: _Chains) -> float:
+def _log_odds(ends: Ends, both: Places, parts: Chains) -> float:
     """Return the log odds of two objects so placed to one concave one, but for what each leaves of the readings.
 
     Of two objects one begins at any height beside the other; that it does so within a strip is a coincidence. An edge
@@ -280,19 +315,19 @@ def _log_odds(ends: Ends, both: _Places, parts: _Chains) -> float:
         if abs(at[0] - at[1]) <= 1 and (min(at) == 0 or max(at) == n):
             strip = outermost(at) - (outermost is min)
             wide = float(ends.y[1, strip] - ends.y[0, strip])
-            pointed = _at_any_angle(wide, _POINTED * (1 + abs(at[0] - at[1])) * ends.pitch) * height
+            pointed = at_any_angle(wide, _POINTED * (1 + abs(at[0] - at[1])) * ends.pitch) * height
             of_two += math.log(min(_WITHIN_A_STRIP / n, 1.0)) - math.log(0.5 + 0.5 * pointed)
     for side, place in enumerate(both):
         for strip in place:
             if 1 < strip < n - 1:  # at the outer strip an edge of a concave one may be as steep
                 of_two -= math.log(height)
                 overhang -= math.log(height)
-                of_one += math.log(_at_any_angle(*_step(ends, side, strip, place, parts[side])))
+                of_one += math.log(at_any_angle(*_step(ends, side, strip, place, parts[side])))
     concave = np.logaddexp(math.log(1.0 - _OVERHANG) + of_one, math.log(_OVERHANG) + overhang)
     return of_two - float(concave)
 
 
-def _at_any_angle(rise: float, run: float) -> float:
+def at_any_angle(rise: float, run: float) -> float:
     """Return the probability density of a rise over so long a run, of lines in all directions."""
     return 2.0 / math.pi * run / (run**2 + rise**2)
 
@@ -301,23 +336,29 @@ def _step(
     ends: Ends, side: int, strip: int, place: tuple[int, int], fitted: list[FloatArray]
 ) -> tuple[float, float]:
     """Return by how much an end rises before a strip beyond the chains beside it; and pitch with noise."""
+    rises, run = rises_beyond(ends, side, strip, place, fitted)
+    crossing = min(rises) < 0.0 < max(rises)  # of the lines: a corner
+    return 0.0 if crossing else min(map(abs, rises)), run
+
+
+def rises_beyond(
+    ends: Ends, side: int, strip: int, place: tuple[int, int], fitted: list[FloatArray]
+) -> tuple[list[float], float]:
+    """Return by how much an end rises before a strip beyond each chain beside it that has a slope; pitch with noise."""
     n, x, y = len(ends.x), ends.x, np.empty(len(ends.x))
-    inside = _strips(n, *place)
+    inside = strips_from(n, *place)
     y[inside], y[~inside] = fitted
     slopes = np.diff(y) / np.diff(x)
     rise, run = y[strip] - y[strip - 1], x[strip] - x[strip - 1]
     beside = [i for i in (strip - 2, strip) if 0 <= i < n - 1 and inside[i] == inside[i + 1]]
-    steps = [rise - slopes[i] * run for i in beside] or [rise]
-    crossing = min(steps) < 0.0 < max(steps)  # of the lines: a corner
-    return 0.0 if crossing else min(map(abs, steps)), math.hypot(
-        ends.pitch, *ends.sigma[side, [strip - 1, strip]]
-    )
+    rises = [float(rise - slopes[i] * run) for i in beside] or [float(rise)]
+    return rises, math.hypot(ends.pitch, *ends.sigma[side, [strip - 1, strip]])
 
 
-def _shown(ends: Ends, both: _Places, parts: _Chains) -> tuple[FloatArray, FloatArray] | None:
+def shown(ends: Ends, both: Places, parts: Chains) -> tuple[FloatArray, FloatArray] | None:
     """Return the hulls of what is seen of both, or None where they cannot be apart."""
     n, x, slack = len(ends.x), ends.x, _SLACK * ends.sigma
-    low, high = (_strips(n, *place) for place in both)
+    low, high = (strips_from(n, *place) for place in both)
     (l_low, l_high), (u_high, u_low) = parts
     of_low = np.column_stack([np.concatenate([x[low], x[~high]]), np.concatenate([l_low, -u_low])])
     of_high = np.column_stack([np.concatenate([x[high], x[~low]]), np.concatenate([-u_high, l_high])])

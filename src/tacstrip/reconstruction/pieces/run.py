@@ -69,12 +69,17 @@ class RunPieces:
         )
 
     @property
+    def left_over(self) -> tuple[float, int, int]:
+        """Chi square that the lines leave, of how many ends, and how many numbers the lines have."""
+        n = sum(int((~chain.left_out).sum()) for chain in self.chains)
+        stretches = [s for c in self.chains for s in c.stretches]
+        return sum(s.chi_square for s in stretches), n, 2 * sum(len(s.lines) for s in stretches)
+
+    @property
     def explains(self) -> bool:
         """Whether noise explains what convex stretches leave over of the readings."""
-        n = sum(int((~chain.left_out).sum()) for chain in self.chains)
-        lines = sum(len(s.lines) for c in self.chains for s in c.stretches)
-        freedom = max(n - 2 * lines, 1)
-        chi_square = sum(s.chi_square for c in self.chains for s in c.stretches)
+        chi_square, n, numbers = self.left_over
+        freedom = max(n - numbers, 1)
         small = 2.0 / (9.0 * freedom)
         return bool(((chi_square / freedom) ** (1.0 / 3.0) - (1.0 - small)) / math.sqrt(small) <= _ALARM)
 

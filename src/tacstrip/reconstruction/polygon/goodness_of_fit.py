@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.core.ellipse import Ellipse
 from tacstrip.core.outline_model import OutlineModel
 from tacstrip.core.polygon_fit import PolygonFit
@@ -18,6 +18,7 @@ from tacstrip.geometry.moments import moments
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.contact_ends import closed_ends, end_deviations
 from tacstrip.reconstruction.noise_covariance import CorrelatedErrors
+from tacstrip.reconstruction.pieces.beside import pair_beside
 from tacstrip.reconstruction.pieces.chain import Cut
 from tacstrip.reconstruction.pieces.pair import Ends, Pair, likeliest_pair, pair_at_the_ends
 from tacstrip.reconstruction.pieces.run import RunPieces, split_run
@@ -224,7 +225,8 @@ def second_look(
         more = f"; at least {pieces.count} convex pieces explain the readings"
         return wrong if one_object or pieces.count == 1 else wrong + more, None
     jumps = [cut for _, cut in pieces.cuts if cut.kind != "corner"]
-    pair = _pair_of(run, pieces, inward_corners(fit))
+    pairs = _pair_of(run, pieces, inward_corners(fit)), _beside(run, sensor, readings, sigma)
+    pair = max(filter(None, pairs), key=lambda pair: pair.probability, default=None)
     step = max((cut.rise for cut in jumps), default=0.0)
     jump = f"an end jumps by {step:.3g} mm from one strip to the next"
     at = jump if jumps else "a gap may hide in an inward corner"
@@ -291,15 +293,32 @@ def _pair_of(run: RunFit, pieces: RunPieces, inward: tuple[list[float], list[flo
     return likeliest_pair(pieces.ends, near, right, pieces.seen)
 
 
+def _beside(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray], sigma: float) -> Pair | None:
+    """Return the two objects beside each other that one concave one may be, by all readings, also those left out."""
+    ends, read = _ends(replace(run, excluded=np.zeros_like(run.excluded)), sensor, readings, sigma)
+    assert run.selection is not None
+    x = run.problem.x[read]
+    right = [np.searchsorted(x, corners).tolist() for corners in inward_corners(run.selection.chosen)]
+    out = np.flatnonzero(np.asarray(run.excluded.any(axis=0))[read]).tolist()
+    return pair_beside(ends, right, out) if any(right) else None
+
+
 def _pair_at_the_ends(
     run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray], sigma: float
 ) -> Pair | None:
     """Return the two objects that a convex outline may be, of which one reaches an outermost strip further."""
+    return pair_at_the_ends(_ends(run, sensor, readings, sigma)[0])
+
+
+def _ends(
+    run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray], sigma: float
+) -> tuple[Ends, BoolArray]:
+    """Return what strips read that have both ends, and which these are (n,)."""
     x, l, u = _read_ends(run, sensor, readings)
     read = np.isfinite(l + u)
     x, l, u = x[read], l[read], u[read]
     noise = np.stack(end_deviations(sensor, l, u, sigma))
-    return pair_at_the_ends(Ends(x, np.stack([l, u]), noise, sensor.pitch_mm))
+    return Ends(x, np.stack([l, u]), noise, sensor.pitch_mm), read
 
 
 def _behind(cut: Cut, x: FloatArray) -> float:

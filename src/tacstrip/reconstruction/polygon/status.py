@@ -109,11 +109,16 @@ def two_objects(pair: Pair, right: bool, confidence: float) -> tuple[str, str]:
     `right` is whether the outline overlaps both together as `ok` promises: then only their number is open.
     """
     slide = "slide or turn the contact and track it, or add a second layer, to tell"
+    meet = ""
+    if pair.meeting_mm is not None:
+        between = "x = {:.4g} and {:.4g} mm".format(*pair.meeting_mm)
+        meet = f", which would meet between {between}, where the ends of each are not seen"
+    sure = f"with a probability of {pair.probability:.2f} (see the alternatives){meet}: {slide}"
+    where = "on the same strips" if pair.shared else "beside each other"
     told = (
-        f"{pair.advice}; it is two with a probability of {pair.probability:.2f} (see the alternatives): {slide}"
+        f"{pair.advice}; it is two {sure}"
         if pair.advice
-        else f"two objects on the same strips explain the readings too, with a probability of {pair.probability:.2f} "
-        f"(see the alternatives): {slide}; {IF_ONE}"
+        else f"two objects {where} explain the readings too, {sure}; {IF_ONE}"
     )
     if confidence < ENOUGH or (pair.probability >= _OTHER and not right and not pair.one_convex):
         return told, ""

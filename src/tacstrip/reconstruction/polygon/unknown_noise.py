@@ -25,7 +25,7 @@ _LESS = 0.7  # of the polygon's noise: what is nearer to it changes nothing
 _STEP = 0.7  # from one noise at which lines are looked for to the next
 _RANGE = 0.1  # of Vref, of a number of a model
 _STRAY = 0.01  # of readings: so many have an error that no noise explains
-_ONE = 4.0  # one convex object is so many times as frequent as others
+ONE = 4.0  # one convex object is so many times as frequent as others
 
 
 def noise_beside_jumps(run: RunFit, sensor: Sensor, readings: Mapping[str, FloatArray]) -> float | None:
@@ -45,15 +45,15 @@ def noise_beside_jumps(run: RunFit, sensor: Sensor, readings: Mapping[str, Float
     faulty = contradictory(run, sensor, readings)
     found, probability = _of_lines(run, sensor, readings, faulty, (least, most))
     strays = int(np.count_nonzero(run.excluded & ~faulty))
-    _, of_one = _log_probability(run.squares, max(run.freedom, 1), run.problem.readings - run.freedom, least)
-    if found > most or probability < of_one + strays * math.log(_STRAY) + math.log(_ONE):
+    _, of_one = log_probability(run.squares, max(run.freedom, 1), run.problem.readings - run.freedom, least)
+    if found > most or probability < of_one + strays * math.log(_STRAY) + math.log(ONE):
         return None
     nearest = nearest_convex(run, sensor, readings, faulty, found)
     if nearest is None or nearest[1].explains:
         return None
     ends, read = nearest[1], int(np.count_nonzero(nearest[0].weight))
-    _, of_one = _log_probability(ends.chi_square * found**2, ends.freedom, read - ends.freedom, least)
-    return None if probability < of_one + math.log(_ONE) else found
+    _, of_one = log_probability(ends.chi_square * found**2, ends.freedom, read - ends.freedom, least)
+    return None if probability < of_one + math.log(ONE) else found
 
 
 def _of_lines(
@@ -82,12 +82,12 @@ def _of_lines(
         if numbers >= ends.size:  # so many lines explain readings of any noise
             break
         squares = (sum(cost for _, cost in lines) - 0.5 * per_line * numbers) * at**2
-        tried = _log_probability(squares, ends.size - numbers, numbers, least)
+        tried = log_probability(squares, ends.size - numbers, numbers, least)
         best, at = max(best, tried, key=lambda each: each[1]), _STEP * at
     return best
 
 
-def _log_probability(squares: float, freedom: int, numbers: int, least: float) -> tuple[float, float]:
+def log_probability(squares: float, freedom: int, numbers: int, least: float) -> tuple[float, float]:
     """Return the likeliest noise [Vref], `least` or more, where a model of so many numbers leaves so much.
 
     And the log probability of the readings, but for what all models share.
