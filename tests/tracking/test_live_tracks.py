@@ -65,12 +65,20 @@ def test_scans_one_by_one_tell_what_all_at_once_do(monkeypatch: pytest.MonkeyPat
     sensor, poses, later = ten_strips(), sliding(44), Later()
     scans = pressed(sensor, CORNERS, poses, NOISE, 3)
     live = ts.LiveTracks(sensor, NOISE, executor=later)
-    assert [live.update(scan) for scan in scans[:38]] == [()] * 38
+    searching = []
+
+    def update(scan: ts.Scan) -> tuple[ts.LiveTrack, ...]:
+        found = live.update(scan)
+        searching.append(live.searching)
+        return found
+
+    assert [update(scan) for scan in scans[:38]] == [()] * 38
     later.run()
-    found = [live.update(scan) for scan in scans[38:40]]
+    found = [update(scan) for scan in scans[38:40]]
     later.run()
-    found += [live.update(scan) for scan in scans[40:]]
+    found += [update(scan) for scan in scans[40:]]
     assert [len(f) for f in found] == [0, 0, 1, 1, 1, 1]
+    assert searching == [0] * 29 + [1] * 11 + [0] * 4
     (first,), (one,) = found[2], found[-1]
     assert [first.scans, one.scans, one.status, one.id] == [41, 44, "ok", 1]
     (batch,) = ts.track(scans, sensor, NOISE)

@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from pathlib import Path
 from typing import Any
 
 import click
@@ -229,6 +230,8 @@ def _stream(
     if live.late:
         kept = "; the recording has them, and `tacstrip replay` finds their shapes" if given["output"] else ""
         note(f"{live.late} of {live.frames} scan(s) have no shapes, for the computer was behind{kept}")
+    if live.untracked:
+        note(_not_known(live, given["output"] or (files[-1] if files else None)))
     for one in sorted(live.known.values(), key=lambda one: one.id):
         note(_line(one))
     # The reader of the lines may close them at any time.
@@ -241,6 +244,15 @@ def _status(live: Live) -> str:
     rate_hz, recorder = live.meter.rate_hz, live.recording
     text = f"{figures(rate_hz, 3)} scans/s" if rate_hz else "no scans come"
     return text if recorder is None else f"{text}; recording to {recorder.path}"
+
+
+def _not_known(live: Live, path: Path | str | None) -> str:
+    """Say of how many frames tracks were not known, and what finds them."""
+    processed = live.frames - live.late - live.unreadable
+    text = (
+        f"{live.untracked} of {processed} frame(s) came before the search for a shape had ended: tracks null"
+    )
+    return text if path is None else f"{text}; `tacstrip track` finds them in {path}"
 
 
 def _line(one: LiveTrack) -> str:

@@ -136,7 +136,7 @@ def _record(
                 for t in tracks
                 if t.present[i]
             ]  # fmt: skip
-            recorder.add(replace(raw, tracks=tuple(shown)))
+            recorder.add(replace(raw, tracks=tuple(shown), searching=0))
 
 
 def _way(one: Track, seen: npt.NDArray[np.int_]) -> str:

@@ -24,12 +24,22 @@ from tacstrip.stream.recording.messages import (
     NANO,
     POLYGON,
     SCANS,
+    SEARCHING,
     TRACK,
     read_polygon,
     read_scan,
+    read_searching,
     read_track,
 )
-from tacstrip.stream.recording.recorder import ABOUT, FORMAT, POLYGON_TOPICS, SCAN_TOPIC, SPEC, TRACK_TOPIC
+from tacstrip.stream.recording.recorder import (
+    ABOUT,
+    FORMAT,
+    POLYGON_TOPICS,
+    SCAN_TOPIC,
+    SEARCHING_TOPIC,
+    SPEC,
+    TRACK_TOPIC,
+)
 from tacstrip.stream.recording.records import Condition, Records
 from tacstrip.stream.source import RawScan
 
@@ -137,7 +147,11 @@ class Recording:
             elif channel.topic == TRACK_TOPIC and schema == TRACK and last is not None:
                 with self._located():
                     track = read_track(record.data)
-                last = replace(last, tracks=(*last.tracks, track))
+                last = replace(last, tracks=(*(last.tracks or ()), track))
+            elif channel.topic == SEARCHING_TOPIC and schema == SEARCHING and last is not None:
+                with self._located():
+                    searching = read_searching(record.data)
+                last = replace(last, tracks=last.tracks or None, searching=searching)
         if last is not None:
             yield last
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from concurrent.futures import Executor, Future
+from concurrent.futures import wait as futures_wait
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -288,8 +289,16 @@ class LiveContact:
         k, poses = self._history.k, self._history.poses
         return replace(self._shape, id=self.id, k=np.stack(k), poses=np.stack(poses)) if k else None
 
-    def step(self, k: FloatArray, time_s: float) -> LiveTrack | None:
-        """Take its readings of the next scan (S, n); return the object, None where nothing is known of it yet."""
+    @property
+    def searching(self) -> bool:
+        """Whether a shape is searched for, or takes the scans that came meanwhile."""
+        return self._task is not None or self._found is not None
+
+    def step(self, k: FloatArray, time_s: float, wait: bool = False) -> LiveTrack | None:
+        """Take its readings of the next scan (S, n); return the object, None where nothing is known of it yet.
+
+        With `wait`, searches are waited for.
+        """
         if self._task is not None and self._task.done():
             task, self._task = self._task, None
             self._answered(task.result())
@@ -301,14 +310,20 @@ class LiveContact:
         taken = self._followed(k, time_s)
         self._catch_up()
         self._search_if_due()
+        while wait and self.searching:
+            self._wait_for_search()
         return self._track(k, time_s, "" if taken else _UNEXPLAINED)
 
-    def shared(self, k: FloatArray, time_s: float, others: list[LiveContact]) -> LiveTrack | None:
-        """Return the object of a scan in which it shares its strips with others."""
+    def shared(
+        self, k: FloatArray, time_s: float, others: list[LiveContact], wait: bool = False
+    ) -> LiveTrack | None:
+        """Return the object of a scan in which it shares its strips with others; `wait` as of `step`."""
         for other in others:
             if other not in self._met:
                 self._met.append(other)
                 self._compare_with(other)
+        while wait and self.searching:
+            self._wait_for_search()
         return self._track(k, time_s, _JOINT)
 
     def _compare_with(self, other: LiveContact) -> None:
@@ -323,11 +338,20 @@ class LiveContact:
         if off < sum(max(tolerated_mm(sensor, lag.corners), DEVIATIONS * far) for lag, far in each):
             self._alike, self._unlike = True, self._unlike or off > DEVIATIONS * math.hypot(*deviations)
 
+    def _wait_for_search(self) -> None:
+        """Wait for what a search found, or for its taking some more scans."""
+        if self._task is not None:
+            task, self._task = self._task, None
+            self._answered(task.result())
+        elif isinstance(self._found, Future):
+            futures_wait([self._found])
+        self._catch_up()
+
     def _followed(self, k: FloatArray, time_s: float) -> bool:
         """Take a scan by the present shape; return whether that explains it, or there is none."""
         self._seen += 1
-        if self._task is not None or self._found is not None:
-            self._wait(k, time_s)
+        if self.searching:
+            self._keep(k, time_s)
         if self._shape is None:
             self._history.add(k, np.full(3, np.nan))
             return True
@@ -352,7 +376,7 @@ class LiveContact:
                 self._history.add(bad, np.full(3, np.nan))
         return taken
 
-    def _wait(self, k: FloatArray, time_s: float) -> None:
+    def _keep(self, k: FloatArray, time_s: float) -> None:
         """Keep a scan for the shape that is searched for, every other one where they are very many."""
         self._waiting.append((k, time_s))
         if len(self._waiting) > _WAITING:
@@ -378,7 +402,7 @@ class LiveContact:
     def _search_if_due(self) -> None:
         stream, shape, history = self._stream, self._shape, self._history
         growing = self._doubted or shape is None or shape.status != "ok" or history.stride == 1
-        if self._task is not None or self._found is not None or not growing or self._seen < self._due:
+        if self.searching or not growing or self._seen < self._due:
             return
         k = np.stack(history.k)
         if not moved(k, stream.sigma or GUESS):

@@ -145,7 +145,11 @@ class Controller:
 
     def _about(self) -> dict[str, Any]:
         about: dict[str, Any] = {"sensor": sensor_json(self.live.source.sensor)}
-        about |= {"method": self.live.method_name, "methods": list(methods_of(self.live.source.sensor))}
+        about |= {
+            "tracking": self.live.tracking,
+            "method": self.live.method_name,
+            "methods": list(methods_of(self.live.source.sensor)),
+        }
         if self.simulator is not None:
             now = self.simulator.settings
             about["simulator"] = {"noise": now.noise.positional, "rate_hz": now.rate_hz}
