@@ -268,7 +268,7 @@ def test_objects_over_time_are_in_frames_lines_and_recordings(tmp_path: Path) ->
     assert ts.mismatch(truth, np.array(last["vertices_mm"])).iou > 0.95
     raws = list(ts.Recording(tmp_path / "a.mcap"))
     np.testing.assert_allclose(raws[lines[-1]["sequence"]].tracks[0].placed, last["vertices_mm"], atol=1e-3)
-    assert any(one.covariance is not None for raw in raws for one in raw.tracks)
+    assert any(one.covariance is not None for raw in raws for one in raw.tracks or ())
 
 
 class _Replayed(ts.SimulatedSource):
