@@ -127,7 +127,8 @@ def protect(
 ) -> None:
     """Refuse, before any work is done, to write over a file that is read, or into a folder that is not there.
 
-    Without `force`, refuse any file that is not `replaceable`, too; `flag` is the option that says so.
+    Without `force`, refuse any file that is there, too, but a picture or a report; `flag` is the option that says so.
+    Every verb calls it for every file that it is told to write.
 
     Raises
     ------
@@ -140,6 +141,8 @@ def protect(
         return
     if not output.parent.exists():
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(output))
+    if output.is_dir():
+        raise OptionError(f"{output} is a folder; name a file, such as {output / 'new'}")
     if output.exists():
         for file in inputs:
             if file is not None and Path(file).exists() and output.samefile(file):
@@ -148,11 +151,20 @@ def protect(
             raise OptionError(f"{output} exists already; choose another name, or add {flag} to write over it")
 
 
-def new_file(output: Path, force: bool, *inputs: str | Path) -> None:
-    """Refuse to write over a file that is read, and without `force` over any: `OptionError` names it."""
-    protect(output, *inputs, force=force)
-    if output.exists() and not force:
-        raise OptionError(f"{output} exists already; choose another name, or add --force to write over it")
+def own_folder(out: Path, *marks: str) -> None:
+    """Refuse a folder to write to that holds something, but none of the files that the verb itself has written there.
+
+    Raises
+    ------
+    OptionError
+        It names the folder.
+    """
+    if not out.exists():
+        return
+    if not out.is_dir():
+        raise OptionError(f"{out} is a file; name a folder")
+    if any(out.iterdir()) and not any((out / mark).exists() for mark in marks):
+        raise OptionError(f"{out} holds files that are not of this verb; name a new or an empty folder")
 
 
 def note(text: str) -> None:

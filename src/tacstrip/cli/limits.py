@@ -61,6 +61,7 @@ def _percent(_: click.Context, parameter: click.Parameter, text: str | None) -> 
 @options.option("--grid", type=options.WholeRange(2, 200), default=16, help="Places a side.")
 @options.plot()
 @options.output("All numbers, to a file (.json).", required=False)
+@options.FORCE
 @options.option("--scans", type=options.WholeRange(2), metavar="N",
                 help="Also: what N scans of a moving object tell together.")  # fmt: skip
 @options.number("--slide", default=0.0, metavar="MM", help="With --scans: its way across the strips.")
@@ -88,6 +89,7 @@ def command(
     grid: int,
     plot: Path | None,
     output: Path | None,
+    force: bool,
     scans: int | None,
     slide: float,
     rotate: float,
@@ -106,7 +108,7 @@ def command(
     Example: tacstrip limits simulated-crs-crs object.wkt --at 500 400 --positional 0.005 --plot limits.png
     """
     protect(plot, sensor, contact)
-    protect(output, sensor, contact, plot)
+    protect(output, sensor, contact, plot, force=force)
     options.belong(scans is not None, "is for many scans: give --scans as well", "slide", "rotate")
     sought = wanted_mm is not None or area_percent is not None
     options.belong(sought, "is for designs: give --wanted-mm or --area-error as well", *design)

@@ -15,7 +15,7 @@ from typing import Any
 
 import click
 
-from tacstrip.cli import check_method, load_layers, new_file, note, options, warn_of_input
+from tacstrip.cli import check_method, load_layers, note, options, protect, warn_of_input
 from tacstrip.cli.replay import warn_of_cut
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError, PortError, figures
@@ -120,7 +120,7 @@ def command(files: tuple[str, ...], **given: Any) -> None:
     if given["output"] is not None:
         if given["output"].suffix.lower() != ".mcap":
             raise OptionError(f"-o {given['output']}: a recording is a file that ends in .mcap")
-        new_file(given["output"], given["force"], *files)
+        protect(given["output"], *files, force=given["force"])
     options.belong(given["output"], "is for a recording: give -o as well", "durable")
     options.belong(given["ros2"], "is for --ros2: give that as well", *_ROS2)
     options.belong(given["foxglove"] is not None, "is for --foxglove: give that as well",
@@ -130,7 +130,7 @@ def command(files: tuple[str, ...], **given: Any) -> None:
     if (layout := given["foxglove_layout"]) is not None:
         if layout.suffix.lower() != ".json":
             raise OptionError(f"--foxglove-layout {layout}: a layout is a file that ends in .json")
-        new_file(layout, given["force"], *files)
+        protect(layout, *files, given["output"], force=given["force"])
     spec = files[0] if len(files) == 2 else given["sensor"]
     sensor = load_layers(spec) if spec else None
     with deferred_interrupt() as stop, _log_on_stderr():

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from tacstrip.cli import note, options, warn
+from tacstrip.cli import note, options, own_folder, warn
 from tacstrip.cli.progress import progress_bar
 from tacstrip.dataset.measures import PROBLEM
 from tacstrip.dataset.sweep import Sweep, batches_there, collect, error_column, pareto, sweep
@@ -57,6 +57,7 @@ def command(
             f"{asked.designs} designs; {len(names)} batches of {asked.batch_designs}, {done} of them there"
         )
         return
+    own_folder(out, "batches")
     try:
         with progress_bar() as bar:
             task = bar.add_task("batches", total=None)
