@@ -51,13 +51,12 @@ FOLDERS = {
     ("calibrate", "--report"): "calibrate s.toml runs.csv -o new.toml --report own",
     ("reproduce", "--out"): "reproduce --out own",
 }
-SENSOR = ts.Sensor(construction="crs-crs", strips=4, pitch_mm=5.0, length_mm=30.0)
+SENSOR = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=3.0, length_mm=30.0)
 STUDY = """\
 sensor = "s.toml"
 [shapes]
 n = 3
-[shapes.polygon]
-corners = [3, 4]
+size_mm = [8, 12]
 """
 
 
@@ -65,7 +64,7 @@ corners = [3, 4]
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     SENSOR.save("s.toml")
-    Path("o.wkt").write_text("POLYGON ((3 5, 17 9, 12 25, 3 5))\n", encoding="utf-8")
+    Path("o.wkt").write_text("POLYGON ((3 5, 27 9, 22 25, 3 5))\n", encoding="utf-8")
     ts.write_readings("r.csv", SENSOR, [ts.simulate(SENSOR, ts.Contact.from_wkt(Path("o.wkt").read_text()))])
     for name in (
         "a.toml",

@@ -47,6 +47,7 @@ def command(
 
     Example: tacstrip sweep study.toml --out designs --shard 3/16
     """
+    own_folder(out, "batches")
     asked = Sweep.load(study)
     warn(unlikely_lengths(asked.base.sensor), file=study)
     if plan:
@@ -57,7 +58,6 @@ def command(
             f"{asked.designs} designs; {len(names)} batches of {asked.batch_designs}, {done} of them there"
         )
         return
-    own_folder(out, "batches")
     try:
         with progress_bar() as bar:
             task = bar.add_task("batches", total=None)
