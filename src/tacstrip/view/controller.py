@@ -21,6 +21,7 @@ from tacstrip.view.frame_json import frame_json, sensor_json
 from tacstrip.view.health import Health
 from tacstrip.view.simulator import Simulator
 
+_VERSION = 1  # of the messages: docs/reference/protocol-page.md
 _EXAMINE_S = 30.0  # between two examinations while a page is open
 _LATENCY_QUANTILES = (0.5, 0.99)
 
@@ -53,7 +54,7 @@ class Controller:
 
     def hello(self, control: bool) -> dict[str, Any]:
         """Return the first message to a new page."""
-        return {"kind": "hello", "control": control, "session": self._session, **self._about()}
+        return {"kind": "hello", "version": _VERSION, "control": control, "session": self._session, **self._about()}
 
     def picture(self) -> str:
         """Return the newest frame as JSON; an empty text where there is none since the last call."""
