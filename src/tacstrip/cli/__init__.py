@@ -274,6 +274,25 @@ def warn_of_log(name: str | Path, log: Log) -> None:
     raw = {n: np.where(log.touched, values, np.nan) for n, values in log.raw.items()}
     hint = other_scale(log.sensor, raw)
     warn(*implausible(name, log.sensor, raw), f"{name}: {hint}" if hint else "")
+    warn_of_order(name, log)
+
+
+def warn_of_order(name: str | Path, log: Log) -> None:
+    """Warn where strips read as if their cables were exchanged."""
+    from tacstrip.diagnose.doctor import exchanged_strips
+
+    if (found := exchanged_strips(log)) is None:
+        return
+    strips, sure = found
+    numbers = [str(i + log.sensor.strip_base) for i in strips]
+    which = f"{', '.join(numbers[:-1])} and {numbers[-1]}"
+    sensor = "" if str(name).lower().endswith(".mcap") else " --sensor SENSOR"
+    doubt = "read as if they were exchanged" if sure else "may be exchanged"
+    warn(
+        f"strips {which} {doubt}: each fits where the other should be. Check their cables, or the order of the log's "
+        f"columns; `tacstrip doctor {name}{sensor}` says more",
+        file=name,
+    )
 
 
 def save_picture(

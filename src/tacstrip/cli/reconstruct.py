@@ -13,10 +13,11 @@ from typing import Any
 import click
 import numpy as np
 
-from tacstrip.cli import check_method, load_layers, note, options, protect, save_picture, warn
+from tacstrip.cli import check_method, load_layers, note, options, protect, save_picture, warn, warn_of_order
 from tacstrip.cli.progress import followed
 from tacstrip.contact.noise import Noise
 from tacstrip.contact.shape import Contact
+from tacstrip.diagnose.log import Log
 from tacstrip.errors import OptionError, ReadingError, number, one_of
 from tacstrip.io.geojson import feature_collection, read_contact, write_geojson
 from tacstrip.io.input_checks import readings_suspicions, unlikely_contact
@@ -121,6 +122,8 @@ def command(
     given["area_mm2"] = None if given["area_mm2"] is None else _area(given["area_mm2"])
     known = noise if options.given("quantisation", "positional") else None
     warn(*readings_suspicions(readings, spec, scans, one_signature=given["signature"] is not None))
+    if isinstance(spec, Sensor):
+        warn_of_order(readings, Log.of_scans(spec, scans))
     own = {name: given[name] for name, methods in _OF_METHODS.items() if chosen in methods}
     if layered:
         own = {"assessment": given["assessment"], "signature": None}

@@ -11,9 +11,10 @@ import click
 import numpy as np
 import numpy.typing as npt
 
-from tacstrip.cli import load_sensor, note, one_layer, options, protect, warn, warn_of_input
+from tacstrip.cli import load_sensor, note, one_layer, options, protect, warn, warn_of_input, warn_of_order
 from tacstrip.cli.replay import warn_of_cut
 from tacstrip.contact.noise import Noise
+from tacstrip.diagnose.log import Log
 from tacstrip.errors import OptionError, ReadingError, figures
 from tacstrip.files import replacing
 from tacstrip.io.input_checks import readings_suspicions
@@ -72,6 +73,7 @@ def command(
         raise ReadingError(f"{files[-1]}: no strip is touched in any of {len(scans)} scan(s)")
     if source is None:
         warn(*readings_suspicions(files[-1], spec, scans))
+        warn_of_order(files[-1], Log.of_scans(spec, scans))
     else:
         warn_of_input(files[-1], source)
         warn_of_cut(source)

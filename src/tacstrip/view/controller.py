@@ -54,7 +54,13 @@ class Controller:
 
     def hello(self, control: bool) -> dict[str, Any]:
         """Return the first message to a new page."""
-        return {"kind": "hello", "version": _VERSION, "control": control, "session": self._session, **self._about()}
+        return {
+            "kind": "hello",
+            "version": _VERSION,
+            "control": control,
+            "session": self._session,
+            **self._about(),
+        }
 
     def picture(self) -> str:
         """Return the newest frame as JSON; an empty text where there is none since the last call."""
