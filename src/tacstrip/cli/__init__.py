@@ -277,22 +277,23 @@ def warn_of_log(name: str | Path, log: Log) -> None:
     warn_of_order(name, log)
 
 
-def warn_of_order(name: str | Path, log: Log) -> None:
-    """Warn where strips read as if their cables were exchanged."""
+def warn_of_order(name: str | Path, log: Log) -> tuple[tuple[int, ...], str]:
+    """Warn where strips read as if their cables were exchanged; return them, and in a few words that they do."""
     from tacstrip.diagnose.doctor import exchanged_strips
 
     if (found := exchanged_strips(log)) is None:
-        return
+        return (), ""
     strips, sure = found
     numbers = [str(i + log.sensor.strip_base) for i in strips]
-    which = f"{', '.join(numbers[:-1])} and {numbers[-1]}"
-    sensor = "" if str(name).lower().endswith(".mcap") else " --sensor SENSOR"
     doubt = "read as if they were exchanged" if sure else "may be exchanged"
+    told = f"strips {', '.join(numbers[:-1])} and {numbers[-1]} {doubt}"
+    sensor = "" if str(name).lower().endswith(".mcap") else " --sensor SENSOR"
     warn(
-        f"strips {which} {doubt}: each fits where the other should be. Check their cables, or the order of the log's "
-        f"columns; `tacstrip doctor {name}{sensor}` says more",
+        f"{told}: each fits where the other should be. Check their cables, or the order of the log's columns; "
+        f"`tacstrip doctor {name}{sensor}` says more",
         file=name,
     )
+    return strips, told
 
 
 def save_picture(

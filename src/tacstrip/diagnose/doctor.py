@@ -212,9 +212,10 @@ def _near(one: Sequence[int], other: Sequence[int]) -> bool:
 class _Examined:
     """What an examination finds, and what notes and all that was not checked are told by.
 
-    findings: broken ones first, of these the surest; removed: those of them that were repaired in `rows`, a row for each place. notes: of
-    drift; least_drift: of each strip that would be told, over Vref (strips,); settled: what needs no quarters.
-    at_rest: whether, and how, strips that nothing touches count as touched. unchecked: of loose wires, bits and hum.
+    findings: broken ones first, of these the surest; removed: those of them that were repaired in `rows`, a row for
+    each place. notes: of drift; least_drift: of each strip that would be told, over Vref (strips,); settled: what needs
+    no quarters. at_rest: whether, and how, strips that nothing touches count as touched. unchecked: of loose wires,
+    bits and hum.
     """
 
     findings: tuple[Finding, ...]
