@@ -268,7 +268,7 @@ class LiveContact:
 
     def __init__(self, episode: Episode, stream: Stream) -> None:
         self.id, self.episode, self._stream = stream.number(), episode, stream
-        self._history, self._seen, self._due = History(), 0, _FIRST
+        self._history, self._seen, self._due, self._searched = History(), 0, _FIRST, 0
         self._task: Future[KnownShape | None] | None = None
         self._waiting: deque[tuple[FloatArray, float]] = deque()
         self._found: Future[_Newcomer] | _Newcomer | None = None
@@ -297,7 +297,7 @@ class LiveContact:
     def step(self, k: FloatArray, time_s: float, wait: bool = False) -> LiveTrack | None:
         """Take its readings of the next scan (S, n); return the object, None where nothing is known of it yet.
 
-        With `wait`, searches are waited for.
+        With `wait`, searches are waited for, and no scan is to come.
         """
         if self._task is not None and self._task.done():
             task, self._task = self._task, None
@@ -310,8 +310,8 @@ class LiveContact:
         taken = self._followed(k, time_s)
         self._catch_up()
         self._search_if_due()
-        while wait and self.searching:
-            self._wait_for_search()
+        if wait:
+            self._finish()
         return self._track(k, time_s, "" if taken else _UNEXPLAINED)
 
     def shared(
@@ -322,8 +322,8 @@ class LiveContact:
             if other not in self._met:
                 self._met.append(other)
                 self._compare_with(other)
-        while wait and self.searching:
-            self._wait_for_search()
+        if wait:
+            self._finish()
         return self._track(k, time_s, _JOINT)
 
     def _compare_with(self, other: LiveContact) -> None:
@@ -338,14 +338,23 @@ class LiveContact:
         if off < sum(max(tolerated_mm(sensor, lag.corners), DEVIATIONS * far) for lag, far in each):
             self._alike, self._unlike = True, self._unlike or off > DEVIATIONS * math.hypot(*deviations)
 
-    def _wait_for_search(self) -> None:
-        """Wait for what a search found, or for its taking some more scans."""
-        if self._task is not None:
-            task, self._task = self._task, None
-            self._answered(task.result())
-        elif isinstance(self._found, Future):
-            futures_wait([self._found])
-        self._catch_up()
+    def _finish(self) -> None:
+        """Wait for what is searched for; where no scan is to come and no shape is known, search once more in all."""
+        self._wait()
+        if self._shape is None and self._searched < self._seen:
+            self._due = self._seen
+            self._search_if_due()
+            self._wait()
+
+    def _wait(self) -> None:
+        """Wait until a search has ended, and what it found has taken the scans that came meanwhile."""
+        while self.searching:
+            if self._task is not None:
+                task, self._task = self._task, None
+                self._answered(task.result())
+            elif isinstance(self._found, Future):
+                futures_wait([self._found])
+            self._catch_up()
 
     def _followed(self, k: FloatArray, time_s: float) -> bool:
         """Take a scan by the present shape; return whether that explains it, or there is none."""
@@ -395,7 +404,7 @@ class LiveContact:
         self._shape, self._found, self._task = None, None, None
         self._waiting.clear()
         self._doubted, self._bad = False, []
-        self._history, self._seen, self._due = History(), len(scans), _FIRST
+        self._history, self._seen, self._due, self._searched = History(), len(scans), _FIRST, 0
         for k in scans:
             self._history.add(k, np.full(3, np.nan))
 
@@ -408,7 +417,7 @@ class LiveContact:
         if not moved(k, stream.sigma or GUESS):
             self._due = self._seen + max(_FIRST, self._seen // 4)
             return
-        self._due = math.ceil(_LATER * self._seen)
+        self._due, self._searched = math.ceil(_LATER * self._seen), self._seen
         known = () if shape else tuple(stream.lifted)
         angle = float(shape.lag.pose[2]) if shape and not self._bad else math.nan
         contact = Contact(
