@@ -83,9 +83,16 @@ class _Verbs(click.Group):
         return super().resolve_command(ctx, args)
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run the verb; whoever reads its output may stop, as `| head` does, and that is no error."""
+        """Run the verb; whoever reads its output may stop, as `| head` does, and that is no error.
+
+        Where something is missing the verb's example shows how it is given.
+        """
         try:
             return super().invoke(ctx)
+        except click.MissingParameter as error:
+            verb = error.ctx.command if error.ctx else self
+            _, _, example = " ".join((verb.help or "").split()).partition("Example: ")
+            raise click.UsageError(f"{error.format_message()} For example: {example}", error.ctx) from None
         except BrokenPipeError:
             nowhere = os.open(os.devnull, os.O_WRONLY)
             os.dup2(nowhere, sys.stdout.fileno())  # what is still to be flushed at the end
@@ -117,6 +124,9 @@ def _show_version(ctx: click.Context, _: click.Parameter, asked: bool) -> None:
 )
 def cli() -> None:
     """From the voltages of a resistive hybrid tactile sensor to the shape that touches it.
+
+    Where to begin: without a sensor `tacstrip demo`, or `tacstrip live --simulate`; with a log of your own `tacstrip
+    init --from LOG` begins the sensor's spec, and says how to go on.
 
     Exit code 0: done; 1: could not do it; 2: bad input. `tacstrip VERB --help` shows an example.
     """
@@ -227,6 +237,7 @@ def load_log(file: Path, spec: str | None, call: str = "--sensor sensor.toml") -
     What is misread is told.
     """
     from tacstrip.diagnose.log import Log, read_log
+    from tacstrip.io.columns import BEGIN_SPEC
     from tacstrip.io.input_checks import half_read, misread
     from tacstrip.stream.replay import Recording
 
@@ -239,7 +250,7 @@ def load_log(file: Path, spec: str | None, call: str = "--sensor sensor.toml") -
             lost = f"{source.condition.lost_bytes} bytes of {source.condition.total_bytes}"
             return replace(log, missing=f"the recording is cut: {lost} lie after its last whole part")
     if spec is None:
-        raise OptionError(f"{file} does not say what sensor it is of; name its spec: {call}")
+        raise OptionError(f"{file} does not say what sensor it is of; name its spec: {call} ({BEGIN_SPEC})")
     log = read_log(file, load_sensor(spec))
     warn(half_read(file, log.sensor, tuple(log.raw)), *misread(file, log.sensor, log.raw))
     return log

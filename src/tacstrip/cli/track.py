@@ -17,6 +17,7 @@ from tacstrip.contact.noise import Noise
 from tacstrip.diagnose.log import Log
 from tacstrip.errors import OptionError, ReadingError, figures
 from tacstrip.files import replacing
+from tacstrip.io.columns import BEGIN_SPEC
 from tacstrip.io.input_checks import readings_suspicions
 from tacstrip.io.readings import read_unchecked
 from tacstrip.io.table import write_table
@@ -106,7 +107,9 @@ def _opened(
     name = files[-1]
     if Path(name).suffix.lower() != ".mcap":
         if len(files) < 2:
-            raise OptionError(f"{name} does not say what sensor it is of: tacstrip track SENSOR {name}")
+            raise OptionError(
+                f"{name} does not say what sensor it is of: tacstrip track sensor.toml {name} ({BEGIN_SPEC})"
+            )
         if not recorded:
             return None, []
     with contextlib.closing(open_source(name, load_sensor(files[0]) if len(files) > 1 else None)) as source:

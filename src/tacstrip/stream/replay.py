@@ -15,6 +15,7 @@ from mcap.records import Attachment, Channel, McapRecord, Message, Metadata, Sch
 
 from tacstrip.arguments import takes
 from tacstrip.errors import RecordingError, SpecError
+from tacstrip.io.columns import BEGIN_SPEC, OTHER_FORM
 from tacstrip.io.readings import read_unchecked
 from tacstrip.sensor.layers import AnySensor, LayeredSensor, unit_of
 from tacstrip.sensor.spec import Sensor
@@ -290,7 +291,10 @@ def open_source(path: str | Path, sensor: AnySensor | None = None) -> Recording 
             return ReadingsSource(path, sensor)
         case ".csv":
             raise RecordingError(
-                f"{path}: a readings file does not say what sensor it is of; name its spec before it"
+                f"{path}: a readings file does not say what sensor it is of; name its spec before it: sensor.toml "
+                f"{path} ({BEGIN_SPEC})"
             )
         case _:
-            raise RecordingError(f"{path}: scans are read from a file that ends in .mcap or .csv")
+            raise RecordingError(
+                f"{path}: scans are read from a file that ends in .mcap or .csv. {OTHER_FORM}"
+            )
