@@ -112,7 +112,10 @@ class Recording:
                 case _:
                     self._note(record)
         if spec is None or about is None:
-            self._fail(f"it has no attachment {SPEC} or no metadata {ABOUT!r}: not a recording of tacstrip")
+            self._fail(
+                f"it has no attachment {SPEC} or no metadata {ABOUT!r}: not a recording of tacstrip; "
+                f"`tacstrip import {self.path} SENSOR -o readings.csv` says what makes readings of it"
+            )
         self.about = about
         self.names = self._names_in(about)
         self.origin_ns = self._origin_in(about)
