@@ -45,6 +45,7 @@ _NOT_RIGID = (
 _NOT_FOUND = "no shape explains its scans so far: believe single scans"
 _UNPROVEN = "a shape found after an alarm has explained {scans} scans so far, and is believed after {proof}"
 _JOINT = "it shares strips with another object, so that this scan does not tell its pose"
+_EITHER = "it is object {which}: they shared strips, and the readings do not tell which is which"
 _UNEXPLAINED = "the shape that explains the other scans does not explain this one"
 _PLACE = "this scan leaves a corner's place open: it may lie anywhere within a gap between strips"
 _BACK = "the clock went back: no velocity"
@@ -278,6 +279,8 @@ class LiveContact:
         self._met: list[LiveContact] = []  # that it shares strips with
         # It may be one of them; and then its shape, or scans, may not be its own.
         self._alike = self._unlike = False
+        # Numbers that it may be, of those before it met others like it; and once it parts from them.
+        self._either, self._mixed = set[int](), set[int]()
         self._doubted = False  # the shape explains no more what comes; a search tells whether another does
 
     @property
@@ -304,9 +307,10 @@ class LiveContact:
             self._answered(task.result())
         if self._alike:  # which is which their readings do not tell
             self.id = self._stream.number()
+            self._either = self._mixed
             if self._unlike:
                 self._begin_anew([])
-        self._met, self._alike, self._unlike = [], False, False
+        self._met, self._alike, self._unlike, self._mixed = [], False, False, set()
         taken = self._followed(k, time_s)
         self._catch_up()
         self._search_if_due()
@@ -329,14 +333,21 @@ class LiveContact:
     def _compare_with(self, other: LiveContact) -> None:
         """Note whether it may be another that it met: what has no shape yet may look like anything."""
         if self._shape is None or other._shape is None:
-            self._alike, self._unlike = True, self._unlike or self._shape is None
+            self._unlike = self._unlike or self._shape is None
+            self._mix_with(other)
             return
         sensor, lags = self._stream.sensor, (self._shape.lag, other._shape.lag)
         off = apart_mm(lags[0].corners, lags[1].corners)
         deviations = [lag.known.corner_deviation_mm for lag in lags]
         each = zip(lags, deviations, strict=True)
         if off < sum(max(tolerated_mm(sensor, lag.corners), DEVIATIONS * far) for lag, far in each):
-            self._alike, self._unlike = True, self._unlike or off > DEVIATIONS * math.hypot(*deviations)
+            self._unlike = self._unlike or off > DEVIATIONS * math.hypot(*deviations)
+            self._mix_with(other)
+
+    def _mix_with(self, other: LiveContact) -> None:
+        """Note that it may be another, or whatever either may have been before."""
+        self._alike = True
+        self._mixed |= (self._either or {self.id}) | (other._either or {other.id})
 
     def _finish(self) -> None:
         """Wait for what is searched for; where no scan is to come and no shape is known, search once more in all."""
@@ -396,7 +407,7 @@ class LiveContact:
         self._alarm = _NOT_RIGID.format(scans=lag.scans)
         self._proof = 2 * self._proof or _PROOF
         self._stream.remember(self.known_shape)
-        self.id = self._stream.number()  # what is there now may be another
+        self.id, self._either = self._stream.number(), set()  # what is there now may be another
         self._begin_anew(self._bad or lag.window_readings)
 
     def _begin_anew(self, scans: list[FloatArray]) -> None:
@@ -479,7 +490,7 @@ class LiveContact:
             return
         found = one.shape
         if found.again and found.id != self.id:
-            self.id = found.id
+            self.id, self._either = found.id, set()
             self._stream.lifted[:] = [o for o in self._stream.lifted if o.id != found.id]
         if self._shape is None:
             self._since = 0 if self._proof else found.lag.scans
@@ -502,6 +513,8 @@ class LiveContact:
             advice.append(trouble)
         if len(advice) > 1:  # more than what the search said
             status = "doubtful"
+        if self._either:
+            advice.append(_EITHER.format(which=" or ".join(map(str, sorted(self._either)))))
         passed = lag.passed_s
         if passed <= 0.0:
             advice.append(STANDS if passed == 0.0 else _BACK)
