@@ -28,7 +28,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
             "/skin", "json", writer.register_schema("skin", "jsonschema", b"{}")
         )
         writer.add_message(channel, 0, b'{"t": 0}', 0)
-        writer.finish()
+        writer.finish()  # type: ignore[no-untyped-call]
     Path("cm.toml").write_text(Path("s.toml").read_text().replace("length_mm = 100.0", "length_mm = 10.0"))
     return tmp_path
 

@@ -185,7 +185,8 @@ def test_objects_over_time_come_back_also_without_tacstrip(tmp_path: Path) -> No
     for name in ("a.mcap", "b.mcap"):
         for got, want in zip(Recording(tmp_path / name), made, strict=True):
             _same(got, want)
-            assert len(got.tracks) == len(want.tracks)
+            assert got.tracks is not None
+            assert want.tracks is not None
             for a, b in zip(got.tracks, want.tracks, strict=True):
                 assert (a.id, a.status, a.scans, a.advice) == (b.id, b.status, b.scans, b.advice)
                 np.testing.assert_allclose(a.outline, b.outline, atol=1e-9)
