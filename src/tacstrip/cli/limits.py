@@ -139,14 +139,7 @@ def command(
     if over is not None:
         _show_map(over)
     click.echo(_BOUND)
-    judged = None
-    if sought:
-        sensors = list(candidates(spec, design["construction"] or None, design["pitch"], design["length"]))
-        farad, conversion_s = design["picofarad"] * 1e-12, design["conversion_us"] * 1e-6
-        tried_bits = design["try_bits"] or BITS
-        judged = designs(
-            sensors, outline, noise, wanted_mm, tried_bits, farad, conversion_s, area_percent=area_percent
-        )
+    judged = _judged(spec, outline, noise, wanted_mm, area_percent, **design) if sought else None
     if plot is not None and over is not None:
         from tacstrip.plot.bounds import limits_figure
         from tacstrip.plot.theme import save
@@ -155,18 +148,41 @@ def command(
     if output is not None:
         write_text(output, json.dumps(_record(outline, found, over, judged), indent=1))
         click.echo(f"{output}: numbers")
-    reached: list[Design] = []
-    if judged is not None:
-        mm, percent = (math.inf if v is None else v for v in (wanted_mm, area_percent))
-        reached = [d for d in judged if d.noise > 0.0 and d.error_mm <= mm and d.area_percent <= percent]
-        others = [d for d in judged if d.noise > 0.0 and d not in reached]
-        errors = ((wanted_mm, "mm RMS"), (area_percent, "% of the area"))
-        wanted = " and ".join(f"{value:.6g} {unit}" for value, unit in errors if value is not None)
-        _show_designs(reached, others, judged, wanted, outline)
+    reached = _reached(judged, wanted_mm, area_percent, outline) if judged is not None else []
     if placements is not None and (reached or not sought):
         _show_check(_coarsest(reached) or [spec], outline, noise, placements, (wanted_mm, area_percent))
     if sought and not reached:
         sys.exit(1)
+
+
+def _judged(
+    spec: Sensor,
+    outline: Outline,
+    noise: Noise,
+    wanted_mm: float | None,
+    area_percent: float | None,
+    **design: Any,
+) -> list[Design]:
+    """Return designs like the sensor, each with the errors it reaches."""
+    sensors = list(candidates(spec, design["construction"] or None, design["pitch"], design["length"]))
+    farad, conversion_s = design["picofarad"] * 1e-12, design["conversion_us"] * 1e-6
+    tried_bits = design["try_bits"] or BITS
+    return designs(
+        sensors, outline, noise, wanted_mm, tried_bits, farad, conversion_s, area_percent=area_percent
+    )
+
+
+def _reached(
+    judged: list[Design], wanted_mm: float | None, area_percent: float | None, outline: Outline
+) -> list[Design]:
+    """Show the designs, and return those that reach what is wanted."""
+    mm, percent = (math.inf if v is None else v for v in (wanted_mm, area_percent))
+    reached = [d for d in judged if d.noise > 0.0 and d.error_mm <= mm and d.area_percent <= percent]
+    others = [d for d in judged if d.noise > 0.0 and d not in reached]
+    errors = ((wanted_mm, "mm RMS"), (area_percent, "% of the area"))
+    wanted = " and ".join(f"{value:.6g} {unit}" for value, unit in errors if value is not None)
+    _show_designs(reached, others, judged, wanted, outline)
+    return reached
 
 
 def _placed(contact: Path, at: tuple[float, float] | None, turn: float, sensor: Sensor) -> Contact:
