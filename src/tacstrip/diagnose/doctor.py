@@ -256,12 +256,9 @@ def _examined(part: Log, kinds: Set[str] = FAULTS.keys(), sought: Set[_Place] = 
     rows = places(work)
     tests = [] if pressed else list(_TESTS) if geometric else [never_touched, swapped_wires]
     tests = [t for t in tests if kinds & _TESTS[t] and not (ceiling and t is clipped)]
-    named = _remove_dominant(rows, tests, {s for s in sought if any(s[0] in _TESTS[t] for t in tests)})
-    for s in (s for s in named if s.doubtful):  # a strip that is open in some places may be so at some times
-        causes = (s.finding.fault, *["intermittent"] * (s.finding.fault == "open-strip"))
-        doubted.append(Question(s.finding.strips, causes, s.finding.evidence))
-    loose, doubted = _not_beside_exchanged(loose, doubted, named)
-    named = [s for s in named if not s.doubtful]
+    suspects = _remove_dominant(rows, tests, {s for s in sought if any(s[0] in _TESTS[t] for t in tests)})
+    loose, doubted = _not_beside_exchanged(loose, [*doubted, *_asked_of_doubtful(suspects)], suspects)
+    named = [s for s in suspects if not s.doubtful]
     # The surest first: a named fault is one that explains what is seen around it, the most of all first.
     removed = [*pressed, *_merged([s.finding for s in named]), *_silent_channels(part), *loose]
     if "saturation" in kinds and not (pressed or ceiling or reference):
@@ -311,6 +308,13 @@ def _corrected_copy(part: Log, sigma: float, ceiling: list[Finding], factor: flo
         out = np.any([np.zeros(values.shape, bool), *beyond], axis=0)
         work.k[name] = np.where(out, np.nan, values / factor)
     return work
+
+
+def _asked_of_doubtful(suspects: Iterable[Suspect]) -> Iterator[Question]:
+    """Give the question that each doubtful suspect is: a strip that is open in some places may be so at some times."""
+    for s in (s for s in suspects if s.doubtful):
+        causes = (s.finding.fault, *["intermittent"] * (s.finding.fault == "open-strip"))
+        yield Question(s.finding.strips, causes, s.finding.evidence)
 
 
 def _not_beside_exchanged(
