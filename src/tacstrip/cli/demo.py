@@ -36,6 +36,6 @@ def command(out: Path, kind: str) -> None:
     )
     best = next(t for t in demo.trials if (t.readings, t.method) == ("after", FIT))
     out.mkdir(parents=True, exist_ok=True)
+    file = save(picture(demo), out / f"demo.{kind}")  # first: by it the folder is known as this verb's
     write_geojson(out / "shape.geojson", [Reconstruction("polygon", (best.recovered,))])
-    file = save(picture(demo), out / f"demo.{kind}")
     click.echo(f"\n{file}: the picture\n{out / 'shape.geojson'}: the fitted polygon after calibration, in mm")
