@@ -111,7 +111,7 @@ WRITES = [
     ("simulate s.toml c.wkt -o out.csv --force", "out.csv"),
     ("simulate s.toml c.wkt -o /dev/null --placed out.wkt --force", "out.wkt"),
     ("simulate s.toml c.wkt -o /dev/null --plot out.svg", "out.svg"),
-    ("reconstruct s.toml r.csv --method profile -o out.geojson", "out.geojson"),
+    ("reconstruct s.toml r.csv --method profile -o out.geojson --force", "out.geojson"),
     ("calibrate s.toml --plan -o out.csv --wanted 3 --overwrite", "out.csv"),
     ("calibrate s.toml --touch rest.csv -o out.toml --overwrite", "out.toml"),
     ("convert r.mcap -o out.csv --force", "out.csv"),
@@ -121,14 +121,14 @@ WRITES = [
     ("convert r.mcap -o out.mcap --force", "out.mcap"),
     ("recover r.mcap -o out.mcap --force", "out.mcap"),
     ("replay r.mcap --fast --plot out.pdf", "out.pdf"),
-    ("demo --out .", "shape.geojson"),
+    ("demo --out demo", "demo/demo.png"),
     ("calibrate s.toml runs.csv --model offset -o /dev/null --report report", "report/figures/worst.png"),
     ("noise still.csv s.toml -o out.toml --force", "out.toml"),
     ("record r.mcap -o new.mcap", NEW),
     ("live r.mcap --no-view --speed 1000 -o new.mcap", NEW),
     ("doctor r.csv --sensor s.toml --plot out.png", "out.png"),
-    ("spice s.toml c.wkt -o out.cir", "out.cir"),
-    ("limits s.toml c.wkt --positional 0.01 --grid 2 -o out.json", "out.json"),
+    ("spice s.toml c.wkt -o out.cir --force", "out.cir"),
+    ("limits s.toml c.wkt --positional 0.01 --grid 2 -o out.json --force", "out.json"),
 ]
 # Files of more than 64 bytes cannot be written: that stands for the end of the disk. Output goes through pipes.
 DRIVER = """
@@ -154,7 +154,8 @@ def full(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[tuple[int
     """Run every writing verb where the disk is full: the folder, and each one's exit code and words."""
     folder = tmp_path_factory.mktemp("full")
     make_inputs(folder)
-    (folder / "report/figures").mkdir(parents=True)
+    for name in ("report/figures", "demo"):
+        (folder / name).mkdir(parents=True)
     for _, name in WRITES:
         if name != NEW:
             (folder / name).write_text("old")

@@ -6,6 +6,8 @@ a Python user looks for: a value that cannot be is a `ValueError`, a device that
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 
 class TacstripError(Exception):
     """Root of all errors raised on purpose by tacstrip.
@@ -165,6 +167,12 @@ def one_of(what: str, value: object, choices: object) -> str:
     """Say that `value` is not one of `choices`, which are listed in the message."""
     names = ", ".join(str(c) for c in choices)  # type: ignore[attr-defined]
     return f"{what} {value!r} does not exist; choose one of: {names}"
+
+
+def shortened(names: Iterable[str], most: int = 100) -> str:
+    """List names of a file in a message; of very many, or very long ones, the first characters alone."""
+    text = ", ".join(names)
+    return text if len(text) <= most else f"{text[:most]} ..."
 
 
 def number(text: str) -> float:

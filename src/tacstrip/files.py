@@ -13,8 +13,7 @@ from pathlib import Path
 
 _LONGEST = 2**26  # characters of a spec or a contact: a pipe may go on without end
 _HANDED_OVER = ("/dev/stdin", "/dev/fd/", "/proc/self/fd/")  # what the caller opened: its end is the caller's
-# What a verb can make again from other files: all else may be the only copy of what somebody measured or wrote.
-_DERIVED = (".geojson", ".json", ".html", ".cir", ".png", ".svg", ".pdf")
+_DRAWN = (".png", ".svg", ".pdf", ".html")  # pictures and reports: all else may be the only copy
 _KINDS = {
     ".csv": "readings or runs (CSV)",
     ".mcap": "a recording",
@@ -85,12 +84,9 @@ def read_text(path: str | Path) -> str:
 
 
 def replaceable(path: str | Path) -> bool:
-    """Say whether a file may be written over unasked: there is none, or its ending is of a picture or shapes.
-
-    Readings, recordings, specs and contacts are not: they may be the only copy.
-    """
+    """Say whether a file may be written over unasked: there is none, or its ending is of a picture or a report."""
     target = Path(path)
-    return not target.is_file() or target.suffix.lower() in _DERIVED
+    return not target.is_file() or target.suffix.lower() in _DRAWN
 
 
 def other_kind(path: str | Path, *wanted: str) -> str:

@@ -71,7 +71,7 @@ def test_a_still_press_becomes_a_table_that_everything_takes(folder: Path) -> No
     assert np.nanstd(np.diff(log.k["kh"], axis=0)) / np.sqrt(2.0) == pytest.approx(0.004, rel=0.25)
     found = run("reconstruct", spec, folder / "more.csv", "--average", 16, "-o", folder / "found.geojson")
     assert "2 scan(s), 2 object(s)" in found.output
-    found = run("reconstruct", spec, folder / "more.csv", "--average", 20, "-o", folder / "found.geojson")
+    found = run("reconstruct", spec, folder / "more.csv", "--average", 20, "-o", folder / "again.geojson")
     assert "the last 12 of 32 scans are too few for a mean" in found.output
     bound = run("limits", spec, folder / "contact.wkt", "--grid", 2)
     assert bound.exit_code == 0, bound.output

@@ -405,29 +405,7 @@ def test_readings_over_vref_are_told(folder: Path) -> None:
         assert "Warning: r.csv: no reading is above 1 V, and vref_volt is 5: are they over Vref?" in told
 
 
-def test_what_may_be_the_only_copy_is_not_written_over(folder: Path) -> None:
-    for name in ("r.csv", "own.toml", "own.wkt"):
-        (folder / name).write_text("mine")
-    shape = ("small.toml", "c.wkt")
-    (folder / "c.wkt").write_text("POLYGON ((5 30, 45 25, 40 70, 5 30))")
-    _good(run(folder, "simulate", *shape, "-o", "new.csv"))
-    for words in (
-        ("simulate", *shape, "-o", "r.csv"),
-        ("simulate", *shape, "-o", "other.csv", "--placed", "own.wkt"),
-        ("press", "fingertip", "plane", "--pose", 20, 0, 20, -1, 0, -1, "--depth", 1, "-o", "r.csv"),
-        ("reconstruct", "small.toml", "new.csv", "-o", "r.csv"),
-        ("track", "small.toml", "new.csv", "-o", "r.csv"),
-        ("noise", "new.csv", "small.toml", "-o", "own.toml"),
-        ("calibrate", "small.toml", "--plan", "-o", "r.csv"),
-        ("convert", "small.toml", "new.csv", "-o", "r.csv"),
-        ("import", "new.csv", "small.toml", "-o", "r.csv"),
-    ):
-        done = run(folder, *words)
-        assert (done.returncode, "exists already" in done.stderr) == (2, True), done.stderr
-    assert {(folder / name).read_text() for name in ("r.csv", "own.toml", "own.wkt")} == {"mine"}
-    for _ in range(2):  # shapes can be made again
-        run(folder, "reconstruct", "small.toml", "new.csv", "-o", "o.geojson")
-        assert (folder / "o.geojson").exists()
+def test_an_ending_that_no_file_of_results_has(folder: Path) -> None:
     done = run(folder, "reconstruct", "small.toml", "new.csv", "-o", "x.txt")
     assert done.returncode == 2
     assert "ending '.txt' does not exist" in done.stderr

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from mcap.writer import Writer
 
 import tacstrip as ts
 from tacstrip.cli import cli
@@ -20,6 +21,14 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     Path("o.wkt").write_text("POLYGON ((22 18, 70 34, 62 72, 30 66, 22 18))\n", encoding="utf-8")
     ts.write_readings("r.csv", SENSOR, [ts.simulate(SENSOR, ts.Contact.from_wkt(Path("o.wkt").read_text()))])
     Path("log.csv").write_text("time,ch0,ch1\n0,1.2,2\n", encoding="utf-8")
+    with Path("other.mcap").open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        channel = writer.register_channel(
+            "/skin", "json", writer.register_schema("skin", "jsonschema", b"{}")
+        )
+        writer.add_message(channel, 0, b'{"t": 0}', 0)
+        writer.finish()  # type: ignore[no-untyped-call]
     Path("cm.toml").write_text(Path("s.toml").read_text().replace("length_mm = 100.0", "length_mm = 10.0"))
     return tmp_path
 
@@ -34,6 +43,20 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("reconstruct s.toml o.wkt", "o.wkt: is a contact, not readings"),
         ("reconstruct s.toml log.csv", "`tacstrip import LOG SENSOR -o READINGS`"),
         ("replay r.csv", "`tacstrip record SENSOR READINGS -o FILE.mcap` makes one"),
+        (
+            "reconstruct r.csv",
+            "Missing argument 'READINGS'. For example: tacstrip reconstruct sensor.toml readings.csv",
+        ),
+        ("import log.csv", "For example: tacstrip import bench.txt sensor.toml -o readings.csv"),
+        ("import other.mcap -o x.csv", "mcap cat --json other.mcap > other.jsonl"),
+        (
+            "live other.mcap",
+            "not a recording of tacstrip; `tacstrip import other.mcap SENSOR -o readings.csv`",
+        ),
+        ("live log.jsonl", "or .csv. A log of another form? `tacstrip import LOG SENSOR -o READINGS`"),
+        ("track r.csv", "tacstrip track sensor.toml r.csv (`tacstrip init` begins one)"),
+        ("doctor r.csv", "--sensor sensor.toml (`tacstrip init` begins one)"),
+        ("convert r.csv -o x.npz", "name its spec before it: sensor.toml r.csv (`tacstrip init` begins one)"),
         ("recontruct s.toml r.csv", "Did you mean 'reconstruct'?"),
         (
             "press fingertip plane --pose 0 0 20 -1 0 -1 --depth 9 -o p.csv",

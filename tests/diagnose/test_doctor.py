@@ -13,7 +13,7 @@ from studies.faults import Defect, faulty_log
 from studies.holdout import doctor_set
 from tacstrip.arrays import FloatArray
 from tacstrip.contact.noise import Noise
-from tacstrip.diagnose.doctor import diagnose
+from tacstrip.diagnose.doctor import diagnose, exchanged_strips
 from tacstrip.diagnose.faults import Finding, Report
 from tacstrip.diagnose.log import Log
 from tacstrip.diagnose.noise import typical_contact
@@ -553,3 +553,31 @@ def test_any_level_of_rest(sound_and_cut: tuple[Log, Log], rest: float) -> None:
     read[name][:, 4] = rest
     (found,) = diagnose(Log.of(unheld.sensor, unheld.time_s, read)).findings
     assert (found.fault, found.strips) == ("dead" if sound.sensor is RUBBER else "open-strip", (4,))
+
+
+def _dragged(strips: tuple[int, int], rows: int) -> Log:
+    """Return the log of a contact that goes to and fro over ten strips of which two are exchanged."""
+    sensor = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=10.0, length_mm=100.0)
+    shape = ts.Contact.polygon([(-22, -14), (17, -20), (24, 9), (-6, 23)])
+    scans = []
+    for i, f in enumerate(np.linspace(0.0, 1.0, rows)):
+        x, y = 50 + 40 * np.sin(6 * np.pi * f + 0.3), 50 + 25 * np.sin(4 * np.pi * f + 1.0)
+        there = shape.turned(0.4 * np.sin(15 * f)).moved(x, y)
+        scans.append(ts.simulate(sensor, there, ts.Noise(positional=0.003), rng=i, time_s=0.02 * i))
+    order = np.arange(10)
+    order[list(strips)] = strips[::-1]
+    return Log.of_scans(
+        sensor, [ts.Scan(kh=s["kh"][order], kl=s["kl"][order], time_s=s.time_s) for s in scans]
+    )
+
+
+@pytest.mark.usefixtures("no_outline")
+def test_two_exchanged_strips_are_both_named_and_none_between_them() -> None:
+    assert exchanged_strips(_dragged((3, 3), 60)) is None
+    for strips in ((3, 4), (2, 7), (0, 3)):
+        log = _dragged(strips, 60)
+        report = diagnose(log)
+        assert {f.strips for f in report.findings} | {q.strips for q in report.questions} == {strips}
+        found = exchanged_strips(log)
+        assert found is not None
+        assert found[0] == strips

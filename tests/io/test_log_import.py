@@ -594,7 +594,20 @@ def test_a_wire_that_is_off_leaves_its_cells_empty_but_no_recording(
 
     def run(out: str) -> Any:
         return CliRunner().invoke(
-            cli, [*map(str, ("import", tmp_path / "log.csv", tmp_path / "sensor.toml", "-o", tmp_path / out))]
+            cli,
+            [
+                *map(
+                    str,
+                    (
+                        "import",
+                        "--force",
+                        tmp_path / "log.csv",
+                        tmp_path / "sensor.toml",
+                        "-o",
+                        tmp_path / out,
+                    ),
+                )
+            ],
         )
 
     log("kh2")

@@ -103,6 +103,7 @@ def test_a_viewer_gets_every_scan_as_it_was_at_the_time_it_was(monkeypatch: pyte
             np.testing.assert_allclose(values, frame.scan[name], atol=1e-5)
         assert signatures["x_mm"] == SENSOR.x_mm.tolist()
         assert [one["id"] for one in shapes["objects"]] == [one.id for one in frame.objects] == [1, 2]
+        assert ("tracks" in shapes, shapes["searching"]) == (frame.tracks is not None, frame.searching)
         assert shapes["objects"][0]["area_mm2"] == pytest.approx(frame.objects[0].shape.area)
         (entity,) = scene["entities"]
         stamp = entity["timestamp"]

@@ -32,7 +32,8 @@ from tacstrip.stream.live.drift import DriftCorrectingDecoder
 from tacstrip.stream.live.pipeline import Live
 from tacstrip.stream.live.sinks import json_sink, tuio_sink
 from tacstrip.stream.recording.recorder import Recorder
-from tacstrip.tracking import Tracker
+from tacstrip.tracking import Tracker, live_contact
+from tacstrip.tracking.live_search import Contact, KnownShape, find_shape
 from waiting import HANG_S, wait_until
 
 SHAPE_20 = ts.Contact.polygon([(25, 30), (72, 28), (76, 66), (40, 74)])
@@ -267,7 +268,49 @@ def test_objects_over_time_are_in_frames_lines_and_recordings(tmp_path: Path) ->
     assert ts.mismatch(truth, np.array(last["vertices_mm"])).iou > 0.95
     raws = list(ts.Recording(tmp_path / "a.mcap"))
     np.testing.assert_allclose(raws[lines[-1]["sequence"]].tracks[0].placed, last["vertices_mm"], atol=1e-3)
-    assert any(one.covariance is not None for raw in raws for one in raw.tracks)
+    assert any(one.covariance is not None for raw in raws for one in raw.tracks or ())
+
+
+class _Replayed(ts.SimulatedSource):
+    """A file whose last scan is read before a search ends."""
+
+    clock = "file"
+
+    def __init__(self) -> None:
+        spec = replace(FINE, strips=20, pitch_mm=5.0)
+        super().__init__(spec, _Turning.turned, 100.0, 60, NOISE, 1)
+        self.read = threading.Event()
+
+    def __iter__(self) -> Iterator[RawScan]:
+        yield from super().__iter__()
+        self.read.set()
+
+
+@pytest.mark.skipif(exported("rigid_descend") is None, reason="NumPy takes minutes")
+def test_objects_that_are_not_known_yet_are_null_and_a_file_ends_with_those_that_its_scans_tell(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source, file = _Replayed(), io.StringIO()
+
+    def found_late(contact: Contact) -> KnownShape | None:
+        source.read.wait()
+        return find_shape(contact)
+
+    monkeypatch.setattr(live_contact, "find_shape", found_late)
+    stream = Live(source, noise=NOISE, speed=math.inf)
+    stream.record(tmp_path / "a.mcap")
+    sink = json_sink(stream, file)
+    with stream:
+        wait_until(lambda: sink.ended)
+    lines = [json.loads(line) for line in file.getvalue().splitlines()]
+    assert [line["tracks"] for line in lines[:-1]] == [[]] * 9 + [None] * 50
+    assert [line["searching"] for line in lines] == [0] * 9 + [1] * 50 + [0]
+    assert stream.untracked == 50
+    (last,) = lines[-1]["tracks"]
+    assert last["scans"] == 60
+    assert ts.mismatch(_Turning.turned(0.59).vertices, np.array(last["vertices_mm"])).iou > 0.9
+    raws = list(ts.Recording(tmp_path / "a.mcap"))
+    assert [raw.tracks is None for raw in raws] == [False] * 9 + [True] * 50 + [False]
 
 
 def _received(listener: socket.socket) -> list[list[object]]:

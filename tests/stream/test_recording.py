@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import io
+import json
 import os
 import shutil
 import stat
@@ -25,10 +26,12 @@ from tacstrip.sensor import Channel
 from tacstrip.sensor.constructions import CONSTRUCTIONS
 from tacstrip.stream import Drag
 from tacstrip.stream.codes import decode
+from tacstrip.stream.export import json_line, write_npz
 from tacstrip.stream.recording import mcap_file as mcapfile
 from tacstrip.stream.recording.messages import FRAME
 from tacstrip.stream.recording.recorder import Recorder, record
 from tacstrip.stream.recording.recover import recover
+from tacstrip.stream.recording.summary import summary
 from tacstrip.stream.replay import Recording
 from tacstrip.stream.source import RawScan, Shape, TrackedShape
 
@@ -142,6 +145,29 @@ def test_rosbags_opens_the_file_as_a_bag(tmp_path: Path) -> None:
     assert corners == [len(s.vertices) for raw in made for s in raw.shapes if s.status == "ok"]
 
 
+def test_objects_that_were_not_known_yet_are_not_those_that_are_not_there(tmp_path: Path) -> None:
+    spec, path = sensor(), tmp_path / "a.mcap"
+    known = TrackedShape(1, "ok", np.array([(0.0, 0.0), (9.0, 0.0), (0.0, 9.0)]), np.zeros(3), 7)
+    tracks: list[tuple[tuple[TrackedShape, ...] | None, int]] = [((), 0), (None, 0), (None, 2), ((known,), 1)]
+    with Recorder(path, spec, spec.signatures, ORIGIN) as recorder:
+        pairs = zip(source(spec, 4), tracks, strict=True)
+        record([replace(raw, tracks=some, searching=more) for raw, (some, more) in pairs], recorder)
+    raws = list(Recording(path))
+    got = [(None if raw.tracks is None else len(raw.tracks), raw.searching) for raw in raws]
+    assert got == [(0, 0), (None, 0), (None, 2), (1, 1)]
+    write_npz(tmp_path / "a.npz", Recording(path))
+    with np.load(tmp_path / "a.npz") as arrays:
+        assert arrays["track_searching"].tolist() == [0, -1, 2, 1]
+        assert arrays["track_scan"].tolist() == [3]
+    scan = decode(raws[0], spec)
+    lines = [json.loads(json_line(i, raw, scan)) for i, raw in enumerate(raws)]
+    assert "tracks" not in lines[0]
+    assert [(line["tracks"], line["searching"]) for line in lines[1:3]] == [(None, 0), (None, 2)]
+    assert (len(lines[3]["tracks"]), lines[3]["searching"]) == (1, 1)
+    recording, said = Recording(path), "objects over time were not known yet in 2 scan(s): `tacstrip track"
+    assert any(said in line for line in summary(recording, recording))
+
+
 def test_objects_over_time_come_back_also_without_tacstrip(tmp_path: Path) -> None:
     spec, own = sensor(), np.array([(-8.0, -6.0), (9.0, -5.0), (0.0, 11.0)])
     pose = np.array([20.0, 50.0, 0.5])
@@ -159,7 +185,8 @@ def test_objects_over_time_come_back_also_without_tacstrip(tmp_path: Path) -> No
     for name in ("a.mcap", "b.mcap"):
         for got, want in zip(Recording(tmp_path / name), made, strict=True):
             _same(got, want)
-            assert len(got.tracks) == len(want.tracks)
+            assert got.tracks is not None
+            assert want.tracks is not None
             for a, b in zip(got.tracks, want.tracks, strict=True):
                 assert (a.id, a.status, a.scans, a.advice) == (b.id, b.status, b.scans, b.advice)
                 np.testing.assert_allclose(a.outline, b.outline, atol=1e-9)

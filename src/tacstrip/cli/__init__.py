@@ -83,9 +83,16 @@ class _Verbs(click.Group):
         return super().resolve_command(ctx, args)
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run the verb; whoever reads its output may stop, as `| head` does, and that is no error."""
+        """Run the verb; whoever reads its output may stop, as `| head` does, and that is no error.
+
+        Where something is missing the verb's example shows how it is given.
+        """
         try:
             return super().invoke(ctx)
+        except click.MissingParameter as error:
+            verb = error.ctx.command if error.ctx else self
+            _, _, example = " ".join((verb.help or "").split()).partition("Example: ")
+            raise click.UsageError(f"{error.format_message()} For example: {example}", error.ctx) from None
         except BrokenPipeError:
             nowhere = os.open(os.devnull, os.O_WRONLY)
             os.dup2(nowhere, sys.stdout.fileno())  # what is still to be flushed at the end
@@ -118,6 +125,9 @@ def _show_version(ctx: click.Context, _: click.Parameter, asked: bool) -> None:
 def cli() -> None:
     """From the voltages of a resistive hybrid tactile sensor to the shape that touches it.
 
+    Where to begin: without a sensor `tacstrip demo`, or `tacstrip live --simulate`; with a log of your own `tacstrip
+    init --from LOG` begins the sensor's spec, and says how to go on.
+
     Exit code 0: done; 1: could not do it; 2: bad input. `tacstrip VERB --help` shows an example.
     """
 
@@ -127,7 +137,8 @@ def protect(
 ) -> None:
     """Refuse, before any work is done, to write over a file that is read, or into a folder that is not there.
 
-    Without `force`, refuse any file that is not `replaceable`, too; `flag` is the option that says so.
+    Without `force`, refuse any file that is there, too, but a picture or a report; `flag` is the option that says so.
+    Every verb calls it for every file that it is told to write.
 
     Raises
     ------
@@ -140,6 +151,8 @@ def protect(
         return
     if not output.parent.exists():
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(output))
+    if output.is_dir():
+        raise OptionError(f"{output} is a folder; name a file, such as {output / 'new'}")
     if output.exists():
         for file in inputs:
             if file is not None and Path(file).exists() and output.samefile(file):
@@ -148,11 +161,20 @@ def protect(
             raise OptionError(f"{output} exists already; choose another name, or add {flag} to write over it")
 
 
-def new_file(output: Path, force: bool, *inputs: str | Path) -> None:
-    """Refuse to write over a file that is read, and without `force` over any: `OptionError` names it."""
-    protect(output, *inputs, force=force)
-    if output.exists() and not force:
-        raise OptionError(f"{output} exists already; choose another name, or add --force to write over it")
+def own_folder(out: Path, *marks: str) -> None:
+    """Refuse a folder to write to that holds something, but none of the files that the verb itself has written there.
+
+    Raises
+    ------
+    OptionError
+        It names the folder.
+    """
+    if not out.exists():
+        return
+    if not out.is_dir():
+        raise OptionError(f"{out} is a file; name a folder")
+    if any(out.iterdir()) and not any((out / mark).exists() for mark in marks):
+        raise OptionError(f"{out} holds files that are not of this verb; name a new or an empty folder")
 
 
 def note(text: str) -> None:
@@ -215,6 +237,7 @@ def load_log(file: Path, spec: str | None, call: str = "--sensor sensor.toml") -
     What is misread is told.
     """
     from tacstrip.diagnose.log import Log, read_log
+    from tacstrip.io.columns import BEGIN_SPEC
     from tacstrip.io.input_checks import half_read, misread
     from tacstrip.stream.replay import Recording
 
@@ -227,7 +250,7 @@ def load_log(file: Path, spec: str | None, call: str = "--sensor sensor.toml") -
             lost = f"{source.condition.lost_bytes} bytes of {source.condition.total_bytes}"
             return replace(log, missing=f"the recording is cut: {lost} lie after its last whole part")
     if spec is None:
-        raise OptionError(f"{file} does not say what sensor it is of; name its spec: {call}")
+        raise OptionError(f"{file} does not say what sensor it is of; name its spec: {call} ({BEGIN_SPEC})")
     log = read_log(file, load_sensor(spec))
     warn(half_read(file, log.sensor, tuple(log.raw)), *misread(file, log.sensor, log.raw))
     return log
@@ -262,6 +285,26 @@ def warn_of_log(name: str | Path, log: Log) -> None:
     raw = {n: np.where(log.touched, values, np.nan) for n, values in log.raw.items()}
     hint = other_scale(log.sensor, raw)
     warn(*implausible(name, log.sensor, raw), f"{name}: {hint}" if hint else "")
+    warn_of_order(name, log)
+
+
+def warn_of_order(name: str | Path, log: Log) -> tuple[tuple[int, ...], str]:
+    """Warn where strips read as if their cables were exchanged; return them, and in a few words that they do."""
+    from tacstrip.diagnose.doctor import exchanged_strips
+
+    if (found := exchanged_strips(log)) is None:
+        return (), ""
+    strips, sure = found
+    numbers = [str(i + log.sensor.strip_base) for i in strips]
+    doubt = "read as if they were exchanged" if sure else "may be exchanged"
+    told = f"strips {', '.join(numbers[:-1])} and {numbers[-1]} {doubt}"
+    sensor = "" if str(name).lower().endswith(".mcap") else " --sensor SENSOR"
+    warn(
+        f"{told}: each fits where the other should be. Check their cables, or the order of the log's columns; "
+        f"`tacstrip doctor {name}{sensor}` says more",
+        file=name,
+    )
+    return strips, told
 
 
 def save_picture(

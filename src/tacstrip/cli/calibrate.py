@@ -17,7 +17,7 @@ from tacstrip.calibrate.drift import rezero
 from tacstrip.calibrate.plan import Plan, plan
 from tacstrip.calibrate.touch import learn_touch, undetectable_mm
 from tacstrip.calibrate.unit import Calibrated, calibrate_unit, one_line, require_closed_form, timestamp
-from tacstrip.cli import load_sensor, note, options, protect, warn
+from tacstrip.cli import load_sensor, note, options, own_folder, protect, warn
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError
 from tacstrip.io.input_checks import backwards, half_read, unfinished
@@ -78,6 +78,8 @@ def command(
     """
     protect(output, sensor, data, touch, force=overwrite, flag="--overwrite")
     protect(plot, sensor, data, touch, output)
+    if report is not None:
+        own_folder(report, "report.html", "figures")
     _check_options(planned, zeroed, data is not None)
     spec = load_sensor(sensor)
     if planned:

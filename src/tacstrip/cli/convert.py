@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from tacstrip.cli import load_layers, new_file, options, warn_of_input
+from tacstrip.cli import load_layers, options, protect, warn_of_input
 from tacstrip.cli.record import save_recording
 from tacstrip.cli.replay import warn_of_cut
 from tacstrip.errors import OptionError, one_of
@@ -37,7 +37,7 @@ def command(files: tuple[str, ...], output: Path, codes: bool, force: bool) -> N
     if kind not in _KINDS:
         raise OptionError(f"-o {output}: " + one_of("ending", kind, _KINDS))
     options.belong(kind == ".csv", f"is for a .csv, and {output} is none", "codes")
-    new_file(output, force, *files)
+    protect(output, *files, force=force)
     source = open_source(files[-1], load_layers(files[0]) if len(files) == 2 else None)
     if kind == ".mcap":
         with replacing(output) as part:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from tacstrip.cli import options
+from tacstrip.cli import options, own_folder
 from tacstrip.io.geojson import write_geojson
 from tacstrip.reconstruction.result import Reconstruction
 
@@ -22,9 +22,10 @@ def command(out: Path, kind: str) -> None:
 
     Example: tacstrip demo --out demo
     """
-    from tacstrip.plot.theme import save
+    from tacstrip.plot.theme import ENDINGS, save
     from tacstrip.thesis.demo import FIT, picture, run, table  # late: --help does without it
 
+    own_folder(out, *(f"demo{ending}" for ending in ENDINGS))
     demo = run()
     click.echo(
         "Synthetic readings of the thesis' CRS-CRS prototype (10 strips, 6.5 x 32.5 cm, 5 x 3.5 cm object).\n"
@@ -35,6 +36,6 @@ def command(out: Path, kind: str) -> None:
     )
     best = next(t for t in demo.trials if (t.readings, t.method) == ("after", FIT))
     out.mkdir(parents=True, exist_ok=True)
+    file = save(picture(demo), out / f"demo.{kind}")  # first: by it the folder is known as this verb's
     write_geojson(out / "shape.geojson", [Reconstruction("polygon", (best.recovered,))])
-    file = save(picture(demo), out / f"demo.{kind}")
     click.echo(f"\n{file}: the picture\n{out / 'shape.geojson'}: the fitted polygon after calibration, in mm")

@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 import numpy as np
 
-from tacstrip.cli import load_sensor, new_file, note, options, warn, warn_of_log
+from tacstrip.cli import load_sensor, note, options, protect, warn, warn_of_log
 from tacstrip.cli.record import save_recording
 from tacstrip.diagnose.log import read_log
 from tacstrip.errors import OptionError, ReadingError, one_of
@@ -67,7 +67,9 @@ def command(
         )
     if given and answers:
         raise OptionError("--mapping says everything; leave --answer out, or edit the mapping")
-    new_file(output, force, str(log), *([spec] if spec else []))
+    beside = None if given else output.with_suffix(".mapping.toml")
+    protect(output, log, spec, given, force=force)
+    protect(beside, log, spec, force=force)
     sensor = load_sensor(spec) if spec else None
     told = options.answered(answers)
     with options.asked_of(log):
@@ -78,8 +80,7 @@ def command(
     warn(*found.doubts, _all_touched(found, sensor), file=log)
     _write(log, found, sensor, spec, output, force)
     _show(found, sensor)
-    if not given:
-        beside = output.with_suffix(".mapping.toml")
+    if beside is not None:
         found.mapping.save(beside)
         note(f"{beside}: how it was read; use it for logs of the same form with --mapping")
 

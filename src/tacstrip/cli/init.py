@@ -54,9 +54,7 @@ def command(
     Example: tacstrip init mysensor.toml --construction crs-m --strips 9 --pitch 4.5 --length 250
     """
     printed = str(file) == "-"
-    protect(None if printed else file, force=True)  # refused in its own words
-    if file.exists() and not force and not printed:
-        raise SpecError(f"{file} exists already; choose another name, or write over it with --force")
+    protect(None if printed else file, log, force=force)
     if like is not None and options.given("log", *keys):
         raise SpecError("--like copies a whole spec; leave the other options out and edit the file")
     options.belong(log, "answers questions of a log; name it with --from", "answers")

@@ -61,6 +61,7 @@ def _percent(_: click.Context, parameter: click.Parameter, text: str | None) -> 
 @options.option("--grid", type=options.WholeRange(2, 200), default=16, help="Places a side.")
 @options.plot()
 @options.output("All numbers, to a file (.json).", required=False)
+@options.FORCE
 @options.option("--scans", type=options.WholeRange(2), metavar="N",
                 help="Also: what N scans of a moving object tell together.")  # fmt: skip
 @options.number("--slide", default=0.0, metavar="MM", help="With --scans: its way across the strips.")
@@ -88,6 +89,7 @@ def command(
     grid: int,
     plot: Path | None,
     output: Path | None,
+    force: bool,
     scans: int | None,
     slide: float,
     rotate: float,
@@ -106,7 +108,7 @@ def command(
     Example: tacstrip limits simulated-crs-crs object.wkt --at 500 400 --positional 0.005 --plot limits.png
     """
     protect(plot, sensor, contact)
-    protect(output, sensor, contact, plot)
+    protect(output, sensor, contact, plot, force=force)
     options.belong(scans is not None, "is for many scans: give --scans as well", "slide", "rotate")
     sought = wanted_mm is not None or area_percent is not None
     options.belong(sought, "is for designs: give --wanted-mm or --area-error as well", *design)
@@ -137,14 +139,7 @@ def command(
     if over is not None:
         _show_map(over)
     click.echo(_BOUND)
-    judged = None
-    if sought:
-        sensors = list(candidates(spec, design["construction"] or None, design["pitch"], design["length"]))
-        farad, conversion_s = design["picofarad"] * 1e-12, design["conversion_us"] * 1e-6
-        tried_bits = design["try_bits"] or BITS
-        judged = designs(
-            sensors, outline, noise, wanted_mm, tried_bits, farad, conversion_s, area_percent=area_percent
-        )
+    judged = _judged(spec, outline, noise, wanted_mm, area_percent, **design) if sought else None
     if plot is not None and over is not None:
         from tacstrip.plot.bounds import limits_figure
         from tacstrip.plot.theme import save
@@ -153,18 +148,41 @@ def command(
     if output is not None:
         write_text(output, json.dumps(_record(outline, found, over, judged), indent=1))
         click.echo(f"{output}: numbers")
-    reached: list[Design] = []
-    if judged is not None:
-        mm, percent = (math.inf if v is None else v for v in (wanted_mm, area_percent))
-        reached = [d for d in judged if d.noise > 0.0 and d.error_mm <= mm and d.area_percent <= percent]
-        others = [d for d in judged if d.noise > 0.0 and d not in reached]
-        errors = ((wanted_mm, "mm RMS"), (area_percent, "% of the area"))
-        wanted = " and ".join(f"{value:.6g} {unit}" for value, unit in errors if value is not None)
-        _show_designs(reached, others, judged, wanted, outline)
+    reached = _reached(judged, wanted_mm, area_percent, outline) if judged is not None else []
     if placements is not None and (reached or not sought):
         _show_check(_coarsest(reached) or [spec], outline, noise, placements, (wanted_mm, area_percent))
     if sought and not reached:
         sys.exit(1)
+
+
+def _judged(
+    spec: Sensor,
+    outline: Outline,
+    noise: Noise,
+    wanted_mm: float | None,
+    area_percent: float | None,
+    **design: Any,
+) -> list[Design]:
+    """Return designs like the sensor, each with the errors it reaches."""
+    sensors = list(candidates(spec, design["construction"] or None, design["pitch"], design["length"]))
+    farad, conversion_s = design["picofarad"] * 1e-12, design["conversion_us"] * 1e-6
+    tried_bits = design["try_bits"] or BITS
+    return designs(
+        sensors, outline, noise, wanted_mm, tried_bits, farad, conversion_s, area_percent=area_percent
+    )
+
+
+def _reached(
+    judged: list[Design], wanted_mm: float | None, area_percent: float | None, outline: Outline
+) -> list[Design]:
+    """Show the designs, and return those that reach what is wanted."""
+    mm, percent = (math.inf if v is None else v for v in (wanted_mm, area_percent))
+    reached = [d for d in judged if d.noise > 0.0 and d.error_mm <= mm and d.area_percent <= percent]
+    others = [d for d in judged if d.noise > 0.0 and d not in reached]
+    errors = ((wanted_mm, "mm RMS"), (area_percent, "% of the area"))
+    wanted = " and ".join(f"{value:.6g} {unit}" for value, unit in errors if value is not None)
+    _show_designs(reached, others, judged, wanted, outline)
+    return reached
 
 
 def _placed(contact: Path, at: tuple[float, float] | None, turn: float, sensor: Sensor) -> Contact:

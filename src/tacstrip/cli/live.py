@@ -10,11 +10,12 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from pathlib import Path
 from typing import Any
 
 import click
 
-from tacstrip.cli import check_method, load_layers, new_file, note, options, warn_of_input
+from tacstrip.cli import check_method, load_layers, note, options, protect, warn_of_input
 from tacstrip.cli.replay import warn_of_cut
 from tacstrip.contact.noise import Noise
 from tacstrip.errors import OptionError, PortError, figures
@@ -119,7 +120,7 @@ def command(files: tuple[str, ...], **given: Any) -> None:
     if given["output"] is not None:
         if given["output"].suffix.lower() != ".mcap":
             raise OptionError(f"-o {given['output']}: a recording is a file that ends in .mcap")
-        new_file(given["output"], given["force"], *files)
+        protect(given["output"], *files, force=given["force"])
     options.belong(given["output"], "is for a recording: give -o as well", "durable")
     options.belong(given["ros2"], "is for --ros2: give that as well", *_ROS2)
     options.belong(given["foxglove"] is not None, "is for --foxglove: give that as well",
@@ -129,7 +130,7 @@ def command(files: tuple[str, ...], **given: Any) -> None:
     if (layout := given["foxglove_layout"]) is not None:
         if layout.suffix.lower() != ".json":
             raise OptionError(f"--foxglove-layout {layout}: a layout is a file that ends in .json")
-        new_file(layout, given["force"], *files)
+        protect(layout, *files, given["output"], force=given["force"])
     spec = files[0] if len(files) == 2 else given["sensor"]
     sensor = load_layers(spec) if spec else None
     with deferred_interrupt() as stop, _log_on_stderr():
@@ -229,6 +230,8 @@ def _stream(
     if live.late:
         kept = "; the recording has them, and `tacstrip replay` finds their shapes" if given["output"] else ""
         note(f"{live.late} of {live.frames} scan(s) have no shapes, for the computer was behind{kept}")
+    if live.untracked:
+        note(_not_known(live, given["output"] or (files[-1] if files else None)))
     for one in sorted(live.known.values(), key=lambda one: one.id):
         note(_line(one))
     # The reader of the lines may close them at any time.
@@ -241,6 +244,15 @@ def _status(live: Live) -> str:
     rate_hz, recorder = live.meter.rate_hz, live.recording
     text = f"{figures(rate_hz, 3)} scans/s" if rate_hz else "no scans come"
     return text if recorder is None else f"{text}; recording to {recorder.path}"
+
+
+def _not_known(live: Live, path: Path | str | None) -> str:
+    """Say of how many frames tracks were not known, and what finds them."""
+    processed = live.frames - live.late - live.unreadable
+    text = (
+        f"{live.untracked} of {processed} frame(s) came before the search for a shape had ended: tracks null"
+    )
+    return text if path is None else f"{text}; `tacstrip track` finds them in {path}"
 
 
 def _line(one: LiveTrack) -> str:

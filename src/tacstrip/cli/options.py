@@ -127,8 +127,8 @@ def _one_input(_: click.Context, __: click.Parameter, files: tuple[str, ...]) ->
 
 SENSOR = click.argument("sensor", metavar="SENSOR")
 CONTACT = click.argument("contact", metavar="CONTACT", type=FILE)
-FORCE = flag("--force", help="Overwrite an existing file.")
-OVERWRITE = flag("--overwrite", help="Overwrite an existing file.")  # where --force means something else
+FORCE = flag("--force", help="Write over files that are there.")
+OVERWRITE = flag("--overwrite", help="Write over files that are there.")  # where --force means something else
 DURABLE = flag("--durable", help="Record so that a power cut loses a second at most; "
                "the page 'What a recording costs' says what of disk and processor.")  # fmt: skip
 SEED = whole("--seed", default=0, callback=_seed, show_default=True, help="Of random errors.")

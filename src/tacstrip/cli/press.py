@@ -75,7 +75,7 @@ def command(
     """
     mesh = Path(solid) if Path(solid).suffix.lower() in _MESHES else None
     protect(output, sensor, mesh, path, force=overwrite, flag="--overwrite")
-    protect(patch, sensor, mesh, path, output)
+    protect(patch, sensor, mesh, path, output, force=overwrite, flag="--overwrite")
     protect(plot, sensor, mesh, path, output, patch)
     options.belong(mesh, "is for a mesh", "unit")
     options.belong(path, "needs --path: there is one scan only", "rate")

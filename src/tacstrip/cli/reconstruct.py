@@ -13,16 +13,17 @@ from typing import Any
 import click
 import numpy as np
 
-from tacstrip.cli import check_method, load_layers, note, options, protect, save_picture, warn
+from tacstrip.cli import check_method, load_layers, note, options, protect, save_picture, warn, warn_of_order
 from tacstrip.cli.progress import followed
 from tacstrip.contact.noise import Noise
 from tacstrip.contact.shape import Contact
+from tacstrip.diagnose.log import Log
 from tacstrip.errors import OptionError, ReadingError, number, one_of
 from tacstrip.io.geojson import feature_collection, read_contact, write_geojson
 from tacstrip.io.input_checks import readings_suspicions, unlikely_contact
 from tacstrip.io.readings import read_unchecked
 from tacstrip.io.table import nearest_mismatch, object_records, write_table
-from tacstrip.reconstruction.implausible import doubt_scale
+from tacstrip.reconstruction.implausible import doubt_scale, doubt_strips
 from tacstrip.reconstruction.known_object.fit import fit_object
 from tacstrip.reconstruction.methods import chosen_method, reconstruct
 from tacstrip.reconstruction.result import Reconstruction
@@ -121,6 +122,7 @@ def command(
     given["area_mm2"] = None if given["area_mm2"] is None else _area(given["area_mm2"])
     known = noise if options.given("quantisation", "positional") else None
     warn(*readings_suspicions(readings, spec, scans, one_signature=given["signature"] is not None))
+    astray = warn_of_order(readings, Log.of_scans(spec, scans)) if isinstance(spec, Sensor) else ((), "")
     own = {name: given[name] for name, methods in _OF_METHODS.items() if chosen in methods}
     if layered:
         own = {"assessment": given["assessment"], "signature": None}
@@ -132,7 +134,7 @@ def command(
     else:
         results = [reconstruct(scan, spec, known, method=chosen, **own) for scan in followed(used, "scans")]
     if not layered:
-        results = doubt_scale(results, used, unit)
+        results = doubt_strips(doubt_scale(results, used, unit), *astray, unit)
     contact = read_contact(truth) if truth else None
     if contact is not None and not any(shape.area > 0.0 for shape in contact.shapes):
         raise OptionError(

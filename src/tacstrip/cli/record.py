@@ -13,7 +13,7 @@ from typing import Any
 
 import click
 
-from tacstrip.cli import check_method, load_layers, new_file, note, options, warn, warn_of_input
+from tacstrip.cli import check_method, load_layers, note, options, protect, warn, warn_of_input
 from tacstrip.cli.replay import warn_of_cut
 from tacstrip.errors import OptionError, TacstripError
 from tacstrip.interrupt import deferred_interrupt
@@ -75,7 +75,7 @@ def command(
     """
     if output.suffix.lower() != ".mcap":
         raise OptionError(f"-o {output}: a recording is a file that ends in .mcap")
-    new_file(output, force, *files)
+    protect(output, *files, force=force)
     count = 0
     if Path(files[-1]).suffix.lower() in _CONTACTS:
         source: Source = _simulated(files, simulation)

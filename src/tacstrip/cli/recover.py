@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from tacstrip.cli import new_file, options
+from tacstrip.cli import options, protect
 from tacstrip.stream.recording.recover import recover
 
 
@@ -22,7 +22,7 @@ def command(recording: Path, output: Path | None, force: bool) -> None:
     Example: tacstrip recover session.mcap -o session-whole.mcap
     """
     target = output or recording.with_name(f"{recording.stem}-recovered.mcap")
-    new_file(target, force, recording)
+    protect(target, recording, force=force)
     saved = recover(recording, target, force)
     counts = ", ".join(f"{topic}: {count}" for topic, count in saved.messages.items() if count)
     total = sum(saved.messages.values())

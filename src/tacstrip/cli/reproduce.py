@@ -9,7 +9,7 @@ from typing import Any
 import click
 import numpy as np
 
-from tacstrip.cli import options
+from tacstrip.cli import options, own_folder
 from tacstrip.cli.progress import progress_bar
 from tacstrip.data.published import METRICS
 from tacstrip.thesis.ranges import POINTS
@@ -41,6 +41,7 @@ def command(out: Path, seeds: int, workers: int | None, table: str | None, kind:
             )
         click.echo("\n".join(_lines(rows, seeds)))
         return
+    own_folder(out, "tables.json", "figures")
     with progress_bar() as bar:
         task = bar.add_task("cells and figures", total=None)
         tables = reproduce(

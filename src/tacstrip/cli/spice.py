@@ -21,6 +21,7 @@ from tacstrip.network.strips.measurements import measurements
 @options.SENSOR
 @options.CONTACT
 @options.output("Netlist to write (.cir).")
+@options.FORCE
 @options.option("--cells", type=options.WholeRange(1), help="Cells over each piece of contact, by default 40 per "
                 "lambda; CRS-CRP: rows of the sheet, by default 4.")  # fmt: skip
 @options.number("--strip-ohm", default=10_000.0, help="A strip from end to end.")
@@ -28,7 +29,13 @@ from tacstrip.network.strips.measurements import measurements
 @options.number("--adc-ohm", default=float("inf"), help="Input resistance.")
 @options.flag("--tied-grounds", help="CRS-M with all ground ends joined for good.")
 def command(
-    sensor: str, contact: Path, output: Path, cells: int | None, tied_grounds: bool, **ohms: float
+    sensor: str,
+    contact: Path,
+    output: Path,
+    force: bool,
+    cells: int | None,
+    tied_grounds: bool,
+    **ohms: float,
 ) -> None:
     """Write SENSOR touched by CONTACT as a netlist for ngspice, a circuit of its own per touched strip.
 
@@ -37,7 +44,7 @@ def command(
 
     Example: tacstrip spice prototype-crs-crs object.wkt -o deck.cir
     """
-    protect(output, sensor, contact)
+    protect(output, sensor, contact, force=force)
     spec = load_sensor(sensor)
     if tied_grounds and spec.kind.common_supply:
         raise OptionError(

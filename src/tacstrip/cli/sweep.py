@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from tacstrip.cli import note, options, warn
+from tacstrip.cli import note, options, own_folder, warn
 from tacstrip.cli.progress import progress_bar
 from tacstrip.dataset.measures import PROBLEM
 from tacstrip.dataset.sweep import Sweep, batches_there, collect, error_column, pareto, sweep
@@ -47,6 +47,7 @@ def command(
 
     Example: tacstrip sweep study.toml --out designs --shard 3/16
     """
+    own_folder(out, "batches")
     asked = Sweep.load(study)
     warn(unlikely_lengths(asked.base.sensor), file=study)
     if plan:

@@ -11,11 +11,13 @@ import click
 import numpy as np
 import numpy.typing as npt
 
-from tacstrip.cli import load_sensor, note, one_layer, options, protect, warn, warn_of_input
+from tacstrip.cli import load_sensor, note, one_layer, options, protect, warn, warn_of_input, warn_of_order
 from tacstrip.cli.replay import warn_of_cut
 from tacstrip.contact.noise import Noise
+from tacstrip.diagnose.log import Log
 from tacstrip.errors import OptionError, ReadingError, figures
 from tacstrip.files import replacing
+from tacstrip.io.columns import BEGIN_SPEC
 from tacstrip.io.input_checks import readings_suspicions
 from tacstrip.io.readings import read_unchecked
 from tacstrip.io.table import write_table
@@ -72,6 +74,7 @@ def command(
         raise ReadingError(f"{files[-1]}: no strip is touched in any of {len(scans)} scan(s)")
     if source is None:
         warn(*readings_suspicions(files[-1], spec, scans))
+        warn_of_order(files[-1], Log.of_scans(spec, scans))
     else:
         warn_of_input(files[-1], source)
         warn_of_cut(source)
@@ -104,7 +107,9 @@ def _opened(
     name = files[-1]
     if Path(name).suffix.lower() != ".mcap":
         if len(files) < 2:
-            raise OptionError(f"{name} does not say what sensor it is of: tacstrip track SENSOR {name}")
+            raise OptionError(
+                f"{name} does not say what sensor it is of: tacstrip track sensor.toml {name} ({BEGIN_SPEC})"
+            )
         if not recorded:
             return None, []
     with contextlib.closing(open_source(name, load_sensor(files[0]) if len(files) > 1 else None)) as source:
@@ -136,7 +141,7 @@ def _record(
                 for t in tracks
                 if t.present[i]
             ]  # fmt: skip
-            recorder.add(replace(raw, tracks=tuple(shown)))
+            recorder.add(replace(raw, tracks=tuple(shown), searching=0))
 
 
 def _way(one: Track, seen: npt.NDArray[np.int_]) -> str:

@@ -11,7 +11,7 @@ import errno
 import json
 import shutil
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import asdict, dataclass
 from functools import cached_property, partial
@@ -448,33 +448,6 @@ def _readme(data: DataSet) -> str:
     counts = ", ".join(f"{count} {name}" for name, count in data.counts.items())
     errors = {key: value for key, value in asdict(data.noise).items() if value != getattr(Noise(), key)}
     which, corners, objects = data.sensor.signatures[0], *first["vertices"].shape[1:3][::-1]
-    reading = []
-    if "parquet" in data.formats:
-        reading.append(f"""```python
-import numpy as np
-import pandas as pd  # pip install pandas pyarrow; run beside this file; lists become NumPy arrays
-
-table = pd.read_parquet("train")
-readings = np.stack(table["{which}"])  # (scans, strips)
-vertices = np.stack(table["vertices"]).reshape(-1, {objects}, {corners}, 2)
-```
-
-```python
-import pyarrow.parquet as pq  # without pandas, and for PyTorch and JAX
-
-column = pq.read_table("train", columns=["{which}"])["{which}"].combine_chunks()
-readings = column.flatten().to_numpy().reshape(len(column), -1)
-# torch.from_numpy(readings.copy()), or jax.numpy.asarray(readings)
-```
-""")
-    if "zarr" in data.formats:
-        reading.append(f"""```python
-import xarray as xr  # or zarr.open("train.zarr")
-
-scans = xr.open_zarr("train.zarr", consolidated=False)
-readings = scans["{which}"]  # dimensions scan_row, strip; loaded when used
-```
-""")
     return f"""---
 license: {data.licence.lower()}
 pretty_name: {data.name}
@@ -509,7 +482,37 @@ The sensor is in `sensor.toml`, everything together in `dataset.json`.
 
 Corners of a scan's first object: a row of `vertices` ({shape}), of which `corners` says how many count.
 
-{chr(10).join(reading)}"""
+{chr(10).join(_examples(data.formats, which, objects, corners))}"""
+
+
+def _examples(formats: Sequence[str], which: str, objects: int, corners: int) -> Iterator[str]:
+    """Give a snippet for each form that shows how `which` signature, and outlines (objects, corners), are read."""
+    if "parquet" in formats:
+        yield f"""```python
+import numpy as np
+import pandas as pd  # pip install pandas pyarrow; run beside this file; lists become NumPy arrays
+
+table = pd.read_parquet("train")
+readings = np.stack(table["{which}"])  # (scans, strips)
+vertices = np.stack(table["vertices"]).reshape(-1, {objects}, {corners}, 2)
+```
+
+```python
+import pyarrow.parquet as pq  # without pandas, and for PyTorch and JAX
+
+column = pq.read_table("train", columns=["{which}"])["{which}"].combine_chunks()
+readings = column.flatten().to_numpy().reshape(len(column), -1)
+# torch.from_numpy(readings.copy()), or jax.numpy.asarray(readings)
+```
+"""
+    if "zarr" in formats:
+        yield f"""```python
+import xarray as xr  # or zarr.open("train.zarr")
+
+scans = xr.open_zarr("train.zarr", consolidated=False)
+readings = scans["{which}"]  # dimensions scan_row, strip; loaded when used
+```
+"""
 
 
 def _formats(given: Any) -> tuple[str, ...]:

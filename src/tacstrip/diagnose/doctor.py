@@ -53,6 +53,7 @@ _TESTS: dict[_Test, frozenset[str]] = {  # and the faults that each finds
 }
 _QUARTERS = 4  # of a recording: a finding stands without any one of them, a question without some one
 _FALLS = 1  # quarters: one without which a finding is not seen may hold most of its strips' contacts
+_ORDER, _LOOKED = "swapped-strips", 400  # scans of a file that others read
 _LATE = {"drift", "wander", "hum"}  # no other fault is judged by these
 _SLOW = ("drift", "wander")
 _BY_ALL_STRIPS = {"short", "drift", "wander"}  # what these do is held against what all others do
@@ -116,6 +117,25 @@ def diagnose(log: Log) -> Report:
         scans=len(log.time_s),
         strip_base=log.sensor.strip_base,
     )
+
+
+def exchanged_strips(log: Log) -> tuple[tuple[int, ...], bool] | None:
+    """Return strips that read as if they were in each other's places, and whether that is sure; None where none do.
+
+    A quick look at `_LOOKED` scans; only where it finds something, all that may look alike is examined.
+    """
+    part = log.part(_LOOKED)
+    if not log.sensor.kind.closed_form or len(part.time_s) < _FEWEST:
+        return None
+    seen = _examined(part, {_ORDER})
+    if not any(
+        _ORDER in causes
+        for causes in (*((f.fault,) for f in seen.findings), *(q.causes for q in seen.questions))
+    ):
+        return None
+    report = diagnose(part)
+    found = [(f.strips, True) for f in report.findings if f.fault == _ORDER]
+    return next(iter([*found, *((q.strips, False) for q in report.questions if _ORDER in q.causes)]), None)
 
 
 def _without_any_quarter(seen: _Examined, part: Log) -> tuple[tuple[Finding, ...], tuple[Question, ...]]:
@@ -192,9 +212,10 @@ def _near(one: Sequence[int], other: Sequence[int]) -> bool:
 class _Examined:
     """What an examination finds, and what notes and all that was not checked are told by.
 
-    findings: broken ones first; removed: those of them that were repaired in `rows`, a row for each place. notes: of
-    drift; least_drift: of each strip that would be told, over Vref (strips,); settled: what needs no quarters.
-    at_rest: whether, and how, strips that nothing touches count as touched. unchecked: of loose wires, bits and hum.
+    findings: broken ones first, of these the surest; removed: those of them that were repaired in `rows`, a row for
+    each place. notes: of drift; least_drift: of each strip that would be told, over Vref (strips,); settled: what needs
+    no quarters. at_rest: whether, and how, strips that nothing touches count as touched. unchecked: of loose wires,
+    bits and hum.
     """
 
     findings: tuple[Finding, ...]
@@ -235,13 +256,11 @@ def _examined(part: Log, kinds: Set[str] = FAULTS.keys(), sought: Set[_Place] = 
     rows = places(work)
     tests = [] if pressed else list(_TESTS) if geometric else [never_touched, swapped_wires]
     tests = [t for t in tests if kinds & _TESTS[t] and not (ceiling and t is clipped)]
-    named = _remove_dominant(rows, tests, {s for s in sought if any(s[0] in _TESTS[t] for t in tests)})
-    for s in (s for s in named if s.doubtful):  # a strip that is open in some places may be so at some times
-        causes = (s.finding.fault, *["intermittent"] * (s.finding.fault == "open-strip"))
-        doubted.append(Question(s.finding.strips, causes, s.finding.evidence))
-    named = [s for s in named if not s.doubtful]
-    loose, doubted = _not_beside_exchanged(loose, doubted, named)
-    removed = [*pressed, *loose, *_silent_channels(part), *_merged([s.finding for s in named])]
+    suspects = _remove_dominant(rows, tests, {s for s in sought if any(s[0] in _TESTS[t] for t in tests)})
+    loose, doubted = _not_beside_exchanged(loose, [*doubted, *_asked_of_doubtful(suspects)], suspects)
+    named = [s for s in suspects if not s.doubtful]
+    # The surest first: a named fault is one that explains what is seen around it, the most of all first.
+    removed = [*pressed, *_merged([s.finding for s in named]), *_silent_channels(part), *loose]
     if "saturation" in kinds and not (pressed or ceiling or reference):
         faulty = {i for f in removed for i in f.strips}
         removed += [f for f in single_ceilings(part, sigma) if not faulty & set(f.strips)]
@@ -262,7 +281,7 @@ def _examined(part: Log, kinds: Set[str] = FAULTS.keys(), sought: Set[_Place] = 
         else ()
     )
     return _Examined(
-        findings=tuple(sorted(findings, key=lambda f: (_WORST[f.kind.severity], f.strips))),
+        findings=tuple(sorted(findings, key=lambda f: _WORST[f.kind.severity])),
         questions=asked,
         removed=removed,
         rows=rows,
@@ -291,18 +310,28 @@ def _corrected_copy(part: Log, sigma: float, ceiling: list[Finding], factor: flo
     return work
 
 
+def _asked_of_doubtful(suspects: Iterable[Suspect]) -> Iterator[Question]:
+    """Give the question that each doubtful suspect is: a strip that is open in some places may be so at some times."""
+    for s in (s for s in suspects if s.doubtful):
+        causes = (s.finding.fault, *["intermittent"] * (s.finding.fault == "open-strip"))
+        yield Question(s.finding.strips, causes, s.finding.evidence)
+
+
 def _not_beside_exchanged(
     loose: list[Finding], doubted: list[Question], named: list[Suspect]
 ) -> tuple[list[Finding], list[Question]]:
     """Leave out what comes and goes beside strips in the wrong order.
 
-    They have a gap at a contact's end, and so do, by them, those beside.
+    They have a gap at a contact's end, and so do, by them, those beside. An order that is in question takes no finding.
     """
-    exchanged = {i for s in named if s.finding.fault == "swapped-strips" for i in s.finding.strips}
-    beside = {i + side for i in exchanged for side in (-1, 0, 1)}
+    exchanged = [s for s in named if s.finding.fault == "swapped-strips"]
+    beside, perhaps = (
+        {i + side for s in some for i in s.finding.strips for side in (-1, 0, 1)}
+        for some in ([s for s in exchanged if not s.doubtful], exchanged)
+    )
     return (
         [f for f in loose if not beside & set(f.strips)],
-        [q for q in doubted if "intermittent" not in q.causes or not beside & set(q.strips)],
+        [q for q in doubted if "intermittent" not in q.causes or not perhaps & set(q.strips)],
     )
 
 

@@ -31,6 +31,7 @@ _SHARE = 0.8  # of the places with a clear difference
 _TIED, _LONG, _MANY = 0.004, 0.05, 16
 _FLAT = 0.6  # times what an offset would leave
 _FEW = 8  # places
+_SOME = 4  # footprints that are better in another order, for a question
 _PASSES = 4  # times that a contact came to an outermost strip
 _MOVES, _ALONG = 0.2, 0.4  # over Vref, what neighbours must move; correlation
 _OFF_LINE = 0.75  # of the slope around: largest offset of two strips from the line
@@ -240,7 +241,14 @@ def swapped_strips(work: WorkingCopy) -> Iterator[Suspect]:
 
     The latter by the edges of contacts and by the slope of signatures across them.
     """
-    yield from out_of_order(work)
+    beside = list(_neighbours_exchanged(work))
+    sure = {s.finding.place for s in beside if not s.doubtful}
+    yield from (s for s in out_of_order(work) if not s.doubtful or s.finding.place not in sure)
+    yield from beside
+
+
+def _neighbours_exchanged(work: WorkingCopy) -> Iterator[Suspect]:
+    """Find neighbours in the wrong order, by contacts that end between them and by the slope across them."""
     slopes = {
         i: _Slope([p for v in work.k.values() if (p := neighbour_pair(v, i))], work.sigma)
         for i in range(work.strips - 1)
@@ -356,7 +364,7 @@ def out_of_order(work: WorkingCopy) -> Iterator[Suspect]:
     _, footprint = np.unique(work.there, axis=0, return_inverse=True)
     gain = np.bincount(footprint.ravel(), _unlike(work) - _unlike(tried)) / np.bincount(footprint.ravel())
     better, worse = (int(np.count_nonzero(side > _CLEARLY)) for side in (gain, -gain))
-    if better < _FEW or worse > _WORSE * better:
+    if better < _SOME or worse > _WORSE * better:
         return
     share, cycles = after / max(before, 1e-9), list(_cycles(order))
     for cycle in cycles if max(map(len, cycles)) <= _LONGEST else []:  # more: another object, another order
@@ -369,7 +377,8 @@ def out_of_order(work: WorkingCopy) -> Iterator[Suspect]:
         only[cycle] = order[cycle]
         repair = partial(_arrange, order=only)
         explained = (1.0 - share) * float(was.sum())
-        yield work.suspect("swapped-strips", cycle, evidence, {"left": share}, explained, repair=repair)
+        suspect = work.suspect("swapped-strips", cycle, evidence, {"left": share}, explained, repair=repair)
+        yield replace(suspect, doubtful=better < _FEW)
 
 
 def _unlike(work: WorkingCopy) -> FloatArray:

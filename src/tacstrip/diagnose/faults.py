@@ -152,7 +152,7 @@ class Report:
     Attributes
     ----------
     findings
-        Faults, broken ones first.
+        Faults, broken ones first, of these the surest.
     notes
         Not faults, but worth knowing.
     questions

@@ -174,57 +174,8 @@ def _never_good(work: WorkingCopy) -> BoolArray:
 
 def _often(work: WorkingCopy, lasting: BoolArray) -> Iterator[tuple[Finding, tuple[str, ...]]]:
     """Yield channels that drop out in many scans, and what else they may be; strips that are `lasting` do not."""
-    rest = (work.sensor.rest_volt or 0.0) / work.sensor.vref_volt
-    touch = (
-        (work.sensor.touch_volt or 0.0) / work.sensor.vref_volt
-        if work.sensor.rest_volt is not None
-        else -np.inf
-    )
-    near = max(_FREE, 5.0 * work.sigma)
     gone = _gaps(work)
-    found: dict[str, list[_Seen]] = {}
-    for name, values in work.k.items():
-        e, both, gap = work.prediction(name)
-        inner = both & (gap < 0.3)
-        steady = inner.copy()
-        steady[:, [0, -1]] = (np.isfinite(e) & (gap < 0.3))[:, [0, -1]]
-        free = np.any([np.abs(values - level) < near for level in {0.0, rest, 1.0}], axis=0)
-        with np.errstate(invalid="ignore"):
-            # Beside a contact's rim, noise of a strip that rests makes it count as touched.
-            noisy = np.abs(values - rest) < touch + 4.0 * work.sigma
-            free[:, [0, -1]] &= ~noisy[:, [0, -1]]
-            # A contact over a strip's end reads its rail, however steep the line.
-            out = steady & free & (np.abs(values - np.clip(e, 0.0, 1.0)) > _FAR)
-            good = steady & (np.abs(values - e) < _FAR / 2.0)
-            clear = out & (np.abs(values - e) > _CLEAR)
-        off_line = _Seen(out, good, e, clear, np.zeros_like(out))
-        # A strip that counts as untouched has no reading; its neighbours' line spans the gap.
-        silent = gone | (work.there & np.isnan(values) & np.isfinite(values).any(axis=0))
-        if silent.any():
-            spanned, both, gap = predict_from_neighbours(values, work.there | gone)
-            e = np.where(silent, spanned, e)
-            silent = silent & both & (gap < 0.3)
-        if work.sensor.rest_volt is not None:
-            # A contact may read as rest does; beside strips that rest, a free wire has its own level instead.
-            silent &= np.abs(e - rest) > 2.0 * touch
-            alone, rails = _alone(work.there), np.minimum(np.abs(values), np.abs(values - 1.0)) < near
-            lone = alone & work.there & rails
-            often = lone.sum(axis=0) > _MOST_ALONE
-            silent |= lone & often
-            good = good | (alone & ~work.there & often)
-            e = np.where(alone, 0.0, e)
-        # A bad joint has any resistance: readings leave the line towards one rail.
-        with np.errstate(invalid="ignore"):
-            off = steady & (np.abs(values - np.clip(e, 0.0, 1.0)) > _FAR)
-            above = off & (values > e)
-            one_way = np.abs(2 * above.sum(axis=0) - off.sum(axis=0)) >= _ONE_WAY * off.sum(axis=0)
-        partly = silent | (off & one_way)
-        nowhere = np.zeros_like(out)
-        found[name] = [
-            off_line,
-            _Seen(out | silent, good, e, nowhere, silent),
-            _Seen(out | partly, good, e, nowhere, partly),
-        ]
+    found = {name: _ways_out(work, name, gone) for name in work.k}
     for strip in np.flatnonzero(~lasting).tolist():
         channels = [
             (name, *max(seen, key=lambda told: (not told[4], told[1])))
@@ -250,6 +201,63 @@ def _often(work: WorkingCopy, lasting: BoolArray) -> Iterator[tuple[Finding, tup
         for channel, *_, out in channels:
             work.k[channel][out[:, strip], strip] = np.nan
         work.there[gone[:, strip], strip] = True
+
+
+def _ways_out(work: WorkingCopy, name: str, gone: BoolArray) -> list[_Seen]:
+    """Return where a signature's channels may have dropped out, by three signs of it, the surest first.
+
+    A reading of a free wire far off the neighbours' line; none, too, where the neighbours stay; and one off that line
+    towards one rail. `gone`: where a strip counts as untouched between others (scans, strips).
+    """
+    values = work.k[name]
+    rest = (work.sensor.rest_volt or 0.0) / work.sensor.vref_volt
+    touch = (
+        (work.sensor.touch_volt or 0.0) / work.sensor.vref_volt
+        if work.sensor.rest_volt is not None
+        else -np.inf
+    )
+    near = max(_FREE, 5.0 * work.sigma)
+    e, both, gap = work.prediction(name)
+    inner = both & (gap < 0.3)
+    steady = inner.copy()
+    steady[:, [0, -1]] = (np.isfinite(e) & (gap < 0.3))[:, [0, -1]]
+    free = np.any([np.abs(values - level) < near for level in {0.0, rest, 1.0}], axis=0)
+    with np.errstate(invalid="ignore"):
+        # Beside a contact's rim, noise of a strip that rests makes it count as touched.
+        noisy = np.abs(values - rest) < touch + 4.0 * work.sigma
+        free[:, [0, -1]] &= ~noisy[:, [0, -1]]
+        # A contact over a strip's end reads its rail, however steep the line.
+        out = steady & free & (np.abs(values - np.clip(e, 0.0, 1.0)) > _FAR)
+        good = steady & (np.abs(values - e) < _FAR / 2.0)
+        clear = out & (np.abs(values - e) > _CLEAR)
+    off_line = _Seen(out, good, e, clear, np.zeros_like(out))
+    # A strip that counts as untouched has no reading; its neighbours' line spans the gap.
+    silent = gone | (work.there & np.isnan(values) & np.isfinite(values).any(axis=0))
+    if silent.any():
+        spanned, both, gap = predict_from_neighbours(values, work.there | gone)
+        e = np.where(silent, spanned, e)
+        silent = silent & both & (gap < 0.3)
+    if work.sensor.rest_volt is not None:
+        # A contact may read as rest does; beside strips that rest, a free wire has its own level instead.
+        silent &= np.abs(e - rest) > 2.0 * touch
+        alone, rails = _alone(work.there), np.minimum(np.abs(values), np.abs(values - 1.0)) < near
+        lone = alone & work.there & rails
+        often = lone.sum(axis=0) > _MOST_ALONE
+        silent |= lone & often
+        good = good | (alone & ~work.there & often)
+        e = np.where(alone, 0.0, e)
+    # A bad joint has any resistance: readings leave the line towards one rail.
+    with np.errstate(invalid="ignore"):
+        off = steady & (np.abs(values - np.clip(e, 0.0, 1.0)) > _FAR)
+        above = off & (values > e)
+        one_way = np.abs(2 * above.sum(axis=0) - off.sum(axis=0)) >= _ONE_WAY * off.sum(axis=0)
+    partly = silent | (off & one_way)
+    nowhere = np.zeros_like(out)
+    return [
+        off_line,
+        _Seen(out | silent, good, e, nowhere, silent),
+        _Seen(out | partly, good, e, nowhere, partly),
+    ]
 
 
 def _free_wires(work: WorkingCopy, lasting: BoolArray) -> Iterator[Question]:

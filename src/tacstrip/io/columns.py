@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from tacstrip.errors import ReadingError, number
+from tacstrip.errors import ReadingError, number, shortened
 from tacstrip.io.column_names import nearly
 from tacstrip.scan import max_rounding
 from tacstrip.sensor.constructions import SIGNATURES
@@ -14,6 +14,7 @@ from tacstrip.sensor.spec import Sensor
 TIME = "time_s"
 INDEX = ("scan", TIME, "strip")
 OTHER_FORM = "A log of another form? `tacstrip import LOG SENSOR -o READINGS` makes readings of it"
+BEGIN_SPEC = "`tacstrip init` begins one"
 LAYER = "layer"  # the column of a sensor of two layers, before that of the strip
 PLACE = (*INDEX, LAYER, "l_mm", "w_mm")  # columns that are no readings
 
@@ -66,7 +67,7 @@ def value_columns(header: list[str], sensor: Sensor) -> list[Column]:
         raise ReadingError(misspelt)
     if not found:
         raise ReadingError(
-            f"a column of readings is missing: {wanted}; the header has: {', '.join(header)}. {OTHER_FORM}"
+            f"a column of readings is missing: {wanted}; the header has: {shortened(header)}. {OTHER_FORM}"
         )
     for name, signature in found.items():
         if signature not in (*sensor.signatures, ELECTRODES):

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TextIO, TypeVar
 
-from tacstrip.errors import ReadingError, is_number
+from tacstrip.errors import ReadingError, is_number, shortened
 from tacstrip.files import other_kind, replacing, why_unreadable
 from tacstrip.io.column_names import nearly
 from tacstrip.io.columns import OTHER_FORM, PLACE
@@ -90,7 +90,7 @@ def find(header: list[str], name: str) -> int:
         hint = f". {OTHER_FORM}" if name == "scan" else ""
         raise ReadingError(
             nearly(header, [name], PLACE)
-            or f"column {name!r} is missing; the header has: {', '.join(header)}{hint}"
+            or f"column {name!r} is missing; the header has: {shortened(header)}{hint}"
         )
     return header.index(name)
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tacstrip.contact.press.solid import Solid
-from tacstrip.errors import ContactError, ReadingError
+from tacstrip.errors import ContactError, ReadingError, shortened
 from tacstrip.io.column_names import nearly
 from tacstrip.io.columns import finite
 from tacstrip.io.csv_rows import Row, read_csv
@@ -57,7 +57,7 @@ def read_poses(path: str | Path, solid: Solid) -> list[PosedSolid]:
             if name not in header:
                 raise ReadingError(
                     nearly(header, [name], (*_NEEDED, *_GIVEN), letters=False)
-                    or f"column {name!r} is missing; the header has: {', '.join(header)}"
+                    or f"column {name!r} is missing; the header has: {shortened(header)}"
                 )
         if unknown := [name for name in header if name not in (*_NEEDED, *_GIVEN)]:
             raise ReadingError(

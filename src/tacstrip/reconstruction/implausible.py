@@ -71,6 +71,30 @@ def doubt_scale(
     return [replace(result, objects=tuple(map(judged, result.objects))) for result in results]
 
 
+def doubt_strips(
+    results: Sequence[Reconstruction], strips: Sequence[int], hint: str, sensor: Sensor
+) -> list[Reconstruction]:
+    """Return the results of a file, those doubted that have to do with any of these strips; `hint` says why.
+
+    That are objects on them, and where they are touched those that end beside them.
+    """
+
+    def near(found: RecoveredObject, beyond: int) -> bool:
+        on = range(found.strips.start - beyond, found.strips.stop + beyond)
+        return bool({i % sensor.strips if sensor.closed else i for i in on} & set(strips))
+
+    def judged(found: RecoveredObject) -> RecoveredObject:
+        status, advice = doubted(found.status, found.advice, hint)
+        return replace(found, status=status, advice=advice, confidence=None)
+
+    def of_scan(result: Reconstruction) -> Reconstruction:
+        if not any(near(found, 0) for found in result.objects):
+            return result
+        return replace(result, objects=tuple(judged(o) if near(o, 1) else o for o in result.objects))
+
+    return [of_scan(result) for result in results]
+
+
 def doubted(status: Status, advice: str, hint: str) -> tuple[Status, str]:
     """Return a status, "doubtful" in place of "ok" or "likely", and an advice with a hint that is not in it yet."""
     known = not hint or hint in advice

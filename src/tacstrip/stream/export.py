@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -55,6 +55,7 @@ def write_npz(path: str | Path, source: Source) -> int:
     times: list[float] = []
     arrivals: list[float] = []
     sequences: list[int] = []
+    searching: list[int] = []
     shapes: list[tuple[int, Shape]] = []
     tracks: list[tuple[int, TrackedShape]] = []
     for raw in source:
@@ -63,7 +64,8 @@ def write_npz(path: str | Path, source: Source) -> int:
         touched += raw.touched.tobytes()
         strip_times += b"" if raw.strip_time_s is None else raw.strip_time_s.tobytes()
         shapes += [(len(times), shape) for shape in raw.shapes]
-        tracks += [(len(times), track) for track in raw.tracks]
+        tracks += [(len(times), track) for track in raw.tracks or ()]
+        searching.append(-1 if raw.tracks is None and not raw.searching else raw.searching)
         times.append(raw.time_s)
         arrivals.append(np.nan if raw.arrival_s is None else raw.arrival_s)
         sequences.append(raw.sequence)
@@ -90,6 +92,7 @@ def write_npz(path: str | Path, source: Source) -> int:
         yield "polygon_vertices_mm", np.concatenate([np.empty((0, 2)), *corners])
         outlines = [track.outline for _, track in tracks]
         yield "track_scan", np.array([scan for scan, _ in tracks], dtype=np.int64)
+        yield "track_searching", np.array(searching, dtype=np.int64)
         yield "track_id", np.array([track.id for _, track in tracks], dtype=np.int64)
         yield "track_status", np.array([track.status for _, track in tracks], dtype=str)
         yield "track_pose", np.array([track.pose for _, track in tracks]).reshape(-1, 3)
@@ -117,7 +120,7 @@ def write_shapes(path: str | Path, source: Recording) -> int:
     scans = list(source)
     collection = feature_collection([as_reconstruction(raw, method) for raw in scans])
     features = [feature for feature in collection["features"] if feature["geometry"] is not None]
-    features += [_track_feature(raw.time_s, one) for raw in scans for one in raw.tracks]
+    features += [_track_feature(raw.time_s, one) for raw in scans for one in raw.tracks or ()]
     if not features:
         raise RecordingError(
             f"{source.path}: it holds no polygons; `tacstrip record {source.path} -o NEW.mcap --reconstruct METHOD` "
@@ -136,8 +139,8 @@ def json_line(number: int, raw: RawScan, scan: Scan) -> str:
     for name in scan.signatures:
         line[name] = plain(scan[name], 9)
     line["shapes"] = [{"status": s.status, "vertices_mm": plain(s.vertices, 6)} for s in raw.shapes]
-    if raw.tracks:
-        line["tracks"] = [track_fields(one) for one in raw.tracks]
+    if raw.tracks or raw.tracks is None:
+        line |= tracks_fields(raw.tracks, raw.searching)
     return json.dumps(line, allow_nan=False)
 
 
@@ -146,6 +149,12 @@ def as_reconstruction(raw: RawScan, method: str) -> Reconstruction:
     statuses: list[tuple[Any, FloatArray]] = [(shape.status, shape.vertices) for shape in raw.shapes]
     objects = tuple(RecoveredObject(slice(0, 0), corners, status=status) for status, corners in statuses)
     return Reconstruction(method, objects, raw.time_s)
+
+
+def tracks_fields(tracks: Sequence[LiveTrack | TrackedShape] | None, searching: int) -> dict[str, Any]:
+    """Return the objects over time of a scan as JSON, null where they are not known, and how many are searched for."""
+    known = None if tracks is None else [track_fields(one) for one in tracks]
+    return {"tracks": known, "searching": searching}
 
 
 def track_fields(one: LiveTrack | TrackedShape) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from mcap.records import Attachment, Channel, McapRecord, Message, Metadata, Sch
 
 from tacstrip.arguments import takes
 from tacstrip.errors import RecordingError, SpecError
+from tacstrip.io.columns import BEGIN_SPEC, OTHER_FORM
 from tacstrip.io.readings import read_unchecked
 from tacstrip.sensor.layers import AnySensor, LayeredSensor, unit_of
 from tacstrip.sensor.spec import Sensor
@@ -24,12 +25,22 @@ from tacstrip.stream.recording.messages import (
     NANO,
     POLYGON,
     SCANS,
+    SEARCHING,
     TRACK,
     read_polygon,
     read_scan,
+    read_searching,
     read_track,
 )
-from tacstrip.stream.recording.recorder import ABOUT, FORMAT, POLYGON_TOPICS, SCAN_TOPIC, SPEC, TRACK_TOPIC
+from tacstrip.stream.recording.recorder import (
+    ABOUT,
+    FORMAT,
+    POLYGON_TOPICS,
+    SCAN_TOPIC,
+    SEARCHING_TOPIC,
+    SPEC,
+    TRACK_TOPIC,
+)
 from tacstrip.stream.recording.records import Condition, Records
 from tacstrip.stream.source import RawScan
 
@@ -101,7 +112,10 @@ class Recording:
                 case _:
                     self._note(record)
         if spec is None or about is None:
-            self._fail(f"it has no attachment {SPEC} or no metadata {ABOUT!r}: not a recording of tacstrip")
+            self._fail(
+                f"it has no attachment {SPEC} or no metadata {ABOUT!r}: not a recording of tacstrip; "
+                f"`tacstrip import {self.path} SENSOR -o readings.csv` says what makes readings of it"
+            )
         self.about = about
         self.names = self._names_in(about)
         self.origin_ns = self._origin_in(about)
@@ -137,7 +151,11 @@ class Recording:
             elif channel.topic == TRACK_TOPIC and schema == TRACK and last is not None:
                 with self._located():
                     track = read_track(record.data)
-                last = replace(last, tracks=(*last.tracks, track))
+                last = replace(last, tracks=(*(last.tracks or ()), track))
+            elif channel.topic == SEARCHING_TOPIC and schema == SEARCHING and last is not None:
+                with self._located():
+                    searching = read_searching(record.data)
+                last = replace(last, tracks=last.tracks or None, searching=searching)
         if last is not None:
             yield last
 
@@ -276,7 +294,10 @@ def open_source(path: str | Path, sensor: AnySensor | None = None) -> Recording 
             return ReadingsSource(path, sensor)
         case ".csv":
             raise RecordingError(
-                f"{path}: a readings file does not say what sensor it is of; name its spec before it"
+                f"{path}: a readings file does not say what sensor it is of; name its spec before it: sensor.toml "
+                f"{path} ({BEGIN_SPEC})"
             )
         case _:
-            raise RecordingError(f"{path}: scans are read from a file that ends in .mcap or .csv")
+            raise RecordingError(
+                f"{path}: scans are read from a file that ends in .mcap or .csv. {OTHER_FORM}"
+            )

@@ -118,7 +118,10 @@ class RawScan:
         When it arrived by the computer's clock [s], counted from the source's `origin_ns`; None where it came from no
         device. `time_s` has the intervals of the device's clock, which may gain or lose seconds an hour.
     tracks
-        Objects over time that are stored with the scan, as a recording may have them.
+        Objects over time that are stored with the scan, as a recording may have them. None: they were not known when
+        the scan was recorded, for the computer was behind or the search for their shape had not ended.
+    searching
+        Number of objects that `tracks` lacks because the search for their first shape had not ended.
 
     Examples
     --------
@@ -137,7 +140,8 @@ class RawScan:
     strip_time_s: FloatArray | None = None
     shapes: tuple[Shape, ...] = ()
     arrival_s: float | None = None
-    tracks: tuple[TrackedShape, ...] = ()
+    tracks: tuple[TrackedShape, ...] | None = ()
+    searching: int = 0
 
     def __repr__(self) -> str:
         strips = f"{len(self.touched)} strips at {self.time_s:.6g} s: {touched_strips(self.touched)}"

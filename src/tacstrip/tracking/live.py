@@ -42,6 +42,11 @@ class LiveTracks:
     executor
         Runs the searches; None: every search runs at once, in `update`.
 
+    Attributes
+    ----------
+    searching
+        Number of objects that the last scan's tracks lack because the search for their first shape has not ended.
+
     Raises
     ------
     SignatureError
@@ -79,14 +84,22 @@ class LiveTracks:
         self._silent = left_out_wholly(sensor)
         self._number = 0
         self._contacts: list[LiveContact] = []
+        self.searching = 0
 
     @property
     def searches(self) -> int:
         """Number of searches so far."""
         return self._stream.searches
 
-    def update(self, scan: Scan) -> tuple[LiveTrack, ...]:
+    def update(self, scan: Scan, wait: bool = False) -> tuple[LiveTrack, ...]:
         """Return the objects of the next scan of which a shape is known or was, in the order of their strips.
+
+        Parameters
+        ----------
+        scan
+            The next scan.
+        wait
+            Whether to wait for searches that the executor has not ended: for the last scan.
 
         Raises
         ------
@@ -116,7 +129,9 @@ class LiveTracks:
                 continue
             stream.remember(lifted.known_shape)
         joint = [c for c in self._contacts if c.episode.joint]
-        found = [self._step(contact, joint, k, scan.time_s) for contact in self._contacts]
+        found = [self._step(contact, joint, k, scan.time_s, wait) for contact in self._contacts]
+        pairs = zip(found, self._contacts, strict=True)
+        self.searching = sum(one is None and contact.searching for one, contact in pairs)
         shown = [one for one in found if one is not None]
         outlines = [one.placed for one in shown if np.isfinite(one.pose[0])]
         if not (scale := scale_hint([scan], outlines, self.sensor)):
@@ -125,16 +140,16 @@ class LiveTracks:
         return tuple(replace(one, status=status, advice=advice) for one, (status, advice) in judged)
 
     def _step(
-        self, contact: LiveContact, joint: list[LiveContact], k: FloatArray, time_s: float
+        self, contact: LiveContact, joint: list[LiveContact], k: FloatArray, time_s: float, wait: bool
     ) -> LiveTrack | None:
         """Give a contact its part of the scan; `joint` share strips with others."""
         where = contact.episode
         if where.joint:
             where.joint.clear()
             others = [c for c in joint if c is not contact and c.episode.last == where.last]
-            return contact.shared(k, time_s, others)
+            return contact.shared(k, time_s, others, wait)
         where.scans.clear()
         where.runs[:] = where.runs[-1:]
         own = np.full(k.shape, np.nan)
         own[:, where.last] = k[:, where.last]
-        return contact.step(own, time_s)
+        return contact.step(own, time_s, wait)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from concurrent.futures import Executor, Future
+from concurrent.futures import wait as futures_wait
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -44,6 +45,7 @@ _NOT_RIGID = (
 _NOT_FOUND = "no shape explains its scans so far: believe single scans"
 _UNPROVEN = "a shape found after an alarm has explained {scans} scans so far, and is believed after {proof}"
 _JOINT = "it shares strips with another object, so that this scan does not tell its pose"
+_EITHER = "it is object {which}: they shared strips, and the readings do not tell which is which"
 _UNEXPLAINED = "the shape that explains the other scans does not explain this one"
 _PLACE = "this scan leaves a corner's place open: it may lie anywhere within a gap between strips"
 _BACK = "the clock went back: no velocity"
@@ -267,7 +269,7 @@ class LiveContact:
 
     def __init__(self, episode: Episode, stream: Stream) -> None:
         self.id, self.episode, self._stream = stream.number(), episode, stream
-        self._history, self._seen, self._due = History(), 0, _FIRST
+        self._history, self._seen, self._due, self._searched = History(), 0, _FIRST, 0
         self._task: Future[KnownShape | None] | None = None
         self._waiting: deque[tuple[FloatArray, float]] = deque()
         self._found: Future[_Newcomer] | _Newcomer | None = None
@@ -277,6 +279,8 @@ class LiveContact:
         self._met: list[LiveContact] = []  # that it shares strips with
         # It may be one of them; and then its shape, or scans, may not be its own.
         self._alike = self._unlike = False
+        # Numbers that it may be, of those before it met others like it; and once it parts from them.
+        self._either, self._mixed = set[int](), set[int]()
         self._doubted = False  # the shape explains no more what comes; a search tells whether another does
 
     @property
@@ -288,46 +292,86 @@ class LiveContact:
         k, poses = self._history.k, self._history.poses
         return replace(self._shape, id=self.id, k=np.stack(k), poses=np.stack(poses)) if k else None
 
-    def step(self, k: FloatArray, time_s: float) -> LiveTrack | None:
-        """Take its readings of the next scan (S, n); return the object, None where nothing is known of it yet."""
+    @property
+    def searching(self) -> bool:
+        """Whether a shape is searched for, or takes the scans that came meanwhile."""
+        return self._task is not None or self._found is not None
+
+    def step(self, k: FloatArray, time_s: float, wait: bool = False) -> LiveTrack | None:
+        """Take its readings of the next scan (S, n); return the object, None where nothing is known of it yet.
+
+        With `wait`, searches are waited for, and no scan is to come.
+        """
         if self._task is not None and self._task.done():
             task, self._task = self._task, None
             self._answered(task.result())
         if self._alike:  # which is which their readings do not tell
             self.id = self._stream.number()
+            self._either = self._mixed
             if self._unlike:
                 self._begin_anew([])
-        self._met, self._alike, self._unlike = [], False, False
+        self._met, self._alike, self._unlike, self._mixed = [], False, False, set()
         taken = self._followed(k, time_s)
         self._catch_up()
         self._search_if_due()
+        if wait:
+            self._finish()
         return self._track(k, time_s, "" if taken else _UNEXPLAINED)
 
-    def shared(self, k: FloatArray, time_s: float, others: list[LiveContact]) -> LiveTrack | None:
-        """Return the object of a scan in which it shares its strips with others."""
+    def shared(
+        self, k: FloatArray, time_s: float, others: list[LiveContact], wait: bool = False
+    ) -> LiveTrack | None:
+        """Return the object of a scan in which it shares its strips with others; `wait` as of `step`."""
         for other in others:
             if other not in self._met:
                 self._met.append(other)
                 self._compare_with(other)
+        if wait:
+            self._finish()
         return self._track(k, time_s, _JOINT)
 
     def _compare_with(self, other: LiveContact) -> None:
         """Note whether it may be another that it met: what has no shape yet may look like anything."""
         if self._shape is None or other._shape is None:
-            self._alike, self._unlike = True, self._unlike or self._shape is None
+            self._unlike = self._unlike or self._shape is None
+            self._mix_with(other)
             return
         sensor, lags = self._stream.sensor, (self._shape.lag, other._shape.lag)
         off = apart_mm(lags[0].corners, lags[1].corners)
         deviations = [lag.known.corner_deviation_mm for lag in lags]
         each = zip(lags, deviations, strict=True)
         if off < sum(max(tolerated_mm(sensor, lag.corners), DEVIATIONS * far) for lag, far in each):
-            self._alike, self._unlike = True, self._unlike or off > DEVIATIONS * math.hypot(*deviations)
+            self._unlike = self._unlike or off > DEVIATIONS * math.hypot(*deviations)
+            self._mix_with(other)
+
+    def _mix_with(self, other: LiveContact) -> None:
+        """Note that it may be another, or whatever either may have been before."""
+        self._alike = True
+        self._mixed |= (self._either or {self.id}) | (other._either or {other.id})
+
+    def _finish(self) -> None:
+        """Wait for what is searched for; where no scan is to come and no shape is known, search once more in all."""
+        self._wait()
+        if self._shape is None and self._searched < self._seen:
+            self._due = self._seen
+            self._search_if_due()
+            self._wait()
+
+    def _wait(self) -> None:
+        """Wait until a search has ended, and what it found has taken the scans that came meanwhile."""
+        while self.searching:
+            if self._task is not None:
+                task, self._task = self._task, None
+                self._answered(task.result())
+            elif isinstance(self._found, Future):
+                futures_wait([self._found])
+            self._catch_up()
 
     def _followed(self, k: FloatArray, time_s: float) -> bool:
         """Take a scan by the present shape; return whether that explains it, or there is none."""
         self._seen += 1
-        if self._task is not None or self._found is not None:
-            self._wait(k, time_s)
+        if self.searching:
+            self._keep(k, time_s)
         if self._shape is None:
             self._history.add(k, np.full(3, np.nan))
             return True
@@ -352,7 +396,7 @@ class LiveContact:
                 self._history.add(bad, np.full(3, np.nan))
         return taken
 
-    def _wait(self, k: FloatArray, time_s: float) -> None:
+    def _keep(self, k: FloatArray, time_s: float) -> None:
         """Keep a scan for the shape that is searched for, every other one where they are very many."""
         self._waiting.append((k, time_s))
         if len(self._waiting) > _WAITING:
@@ -363,7 +407,7 @@ class LiveContact:
         self._alarm = _NOT_RIGID.format(scans=lag.scans)
         self._proof = 2 * self._proof or _PROOF
         self._stream.remember(self.known_shape)
-        self.id = self._stream.number()  # what is there now may be another
+        self.id, self._either = self._stream.number(), set()  # what is there now may be another
         self._begin_anew(self._bad or lag.window_readings)
 
     def _begin_anew(self, scans: list[FloatArray]) -> None:
@@ -371,20 +415,20 @@ class LiveContact:
         self._shape, self._found, self._task = None, None, None
         self._waiting.clear()
         self._doubted, self._bad = False, []
-        self._history, self._seen, self._due = History(), len(scans), _FIRST
+        self._history, self._seen, self._due, self._searched = History(), len(scans), _FIRST, 0
         for k in scans:
             self._history.add(k, np.full(3, np.nan))
 
     def _search_if_due(self) -> None:
         stream, shape, history = self._stream, self._shape, self._history
         growing = self._doubted or shape is None or shape.status != "ok" or history.stride == 1
-        if self._task is not None or self._found is not None or not growing or self._seen < self._due:
+        if self.searching or not growing or self._seen < self._due:
             return
         k = np.stack(history.k)
         if not moved(k, stream.sigma or GUESS):
             self._due = self._seen + max(_FIRST, self._seen // 4)
             return
-        self._due = math.ceil(_LATER * self._seen)
+        self._due, self._searched = math.ceil(_LATER * self._seen), self._seen
         known = () if shape else tuple(stream.lifted)
         angle = float(shape.lag.pose[2]) if shape and not self._bad else math.nan
         contact = Contact(
@@ -446,7 +490,7 @@ class LiveContact:
             return
         found = one.shape
         if found.again and found.id != self.id:
-            self.id = found.id
+            self.id, self._either = found.id, set()
             self._stream.lifted[:] = [o for o in self._stream.lifted if o.id != found.id]
         if self._shape is None:
             self._since = 0 if self._proof else found.lag.scans
@@ -469,6 +513,8 @@ class LiveContact:
             advice.append(trouble)
         if len(advice) > 1:  # more than what the search said
             status = "doubtful"
+        if self._either:
+            advice.append(_EITHER.format(which=" or ".join(map(str, sorted(self._either)))))
         passed = lag.passed_s
         if passed <= 0.0:
             advice.append(STANDS if passed == 0.0 else _BACK)

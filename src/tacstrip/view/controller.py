@@ -21,6 +21,7 @@ from tacstrip.view.frame_json import frame_json, sensor_json
 from tacstrip.view.health import Health
 from tacstrip.view.simulator import Simulator
 
+_VERSION = 1  # of the messages: docs/reference/protocol-page.md
 _EXAMINE_S = 30.0  # between two examinations while a page is open
 _LATENCY_QUANTILES = (0.5, 0.99)
 
@@ -53,7 +54,13 @@ class Controller:
 
     def hello(self, control: bool) -> dict[str, Any]:
         """Return the first message to a new page."""
-        return {"kind": "hello", "control": control, "session": self._session, **self._about()}
+        return {
+            "kind": "hello",
+            "version": _VERSION,
+            "control": control,
+            "session": self._session,
+            **self._about(),
+        }
 
     def picture(self) -> str:
         """Return the newest frame as JSON; an empty text where there is none since the last call."""
@@ -145,7 +152,11 @@ class Controller:
 
     def _about(self) -> dict[str, Any]:
         about: dict[str, Any] = {"sensor": sensor_json(self.live.source.sensor)}
-        about |= {"method": self.live.method_name, "methods": list(methods_of(self.live.source.sensor))}
+        about |= {
+            "tracking": self.live.tracking,
+            "method": self.live.method_name,
+            "methods": list(methods_of(self.live.source.sensor)),
+        }
         if self.simulator is not None:
             now = self.simulator.settings
             about["simulator"] = {"noise": now.noise.positional, "rate_hz": now.rate_hz}

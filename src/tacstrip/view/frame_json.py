@@ -28,18 +28,21 @@ def sensor_json(sensor: AnySensor) -> dict[str, Any]:
         | {"corners": plain(one.corners_mm, 4)}
         for one in layers
     ]
-    about |= {"skin": skin_json(unit), "presses": KINDS if curved else None}
-    return about | {"rigid": unit.surface is None or unit.surface.isometric}
+    return about | {"skin": skin_json(unit), "presses": KINDS if curved else None}
 
 
 def frame_json(frame: Frame) -> dict[str, Any]:
-    """Return a frame's readings over Vref, null where nothing touches, its objects and those over time [mm]."""
+    """Return a frame's readings over Vref, null where nothing touches, its objects and those over time [mm].
+
+    `tracks` is null where those over time are not known.
+    """
     return {
         "number": frame.number,
         "time_s": round(frame.raw.time_s, 6),
         "readings": {name: plain(frame.scan[name], 5) for name in frame.scan.signatures},
         "objects": [_object(one, frame.sensor) for one in frame.objects],
         "tracks": None if frame.tracks is None else [_track(one) for one in frame.tracks],
+        "searching": frame.searching,
     }
 
 

@@ -40,6 +40,7 @@ _MOST_UNPACKED = 2**28  # bytes
 _MOST_ROWS = 2**20  # of a sheet, as the form sets it
 _MOST_NUMBERS = 2**25  # of a file: as many take gigabytes
 _START = 4096  # bytes that tell a text
+_OURS = 65536  # bytes, within which a recording of tacstrip names it
 _LONG = 100  # characters of a library's message
 _OFFICE, _TABLE, _TEXT = (
     f"{{urn:oasis:names:tc:opendocument:xmlns:{part}:1.0}}" for part in ("office", "table", "text")
@@ -89,8 +90,7 @@ def read_table(path: str | Path, sheet: str | None = None) -> Table:
             case ".mat" if not _is_text(file):
                 return _of_archive(_matrices(file), path)
             case ".mcap" if not _is_text(file):
-                remedy = f"`tacstrip convert {path} -o readings.csv` makes readings of it"
-                raise ReadingError(f"{path}: is a recording; {remedy}")
+                raise ReadingError(f"{path}: {_of_mcap(file)}")
             case ".xls" | ".h5" | ".hdf5" if not _is_text(file):
                 raise ReadingError(f"{path}: not a form that is read here; export it as CSV")
             case _:
@@ -99,6 +99,18 @@ def read_table(path: str | Path, sheet: str | None = None) -> Table:
         raise ReadingError(f"{path}: no such file") from None
     except OSError as error:
         raise ReadingError(f"{path}: cannot be read ({error.strerror or error})") from None
+
+
+def _of_mcap(file: Path) -> str:
+    """Say what makes readings of a recording: ours begins with its spec and what is said of it."""
+    with file.open("rb") as stream:
+        own = b"tacstrip" in stream.read(_OURS)
+    if own:
+        return f"is a recording; `tacstrip convert {file} -o readings.csv` makes readings of it"
+    return (
+        "is another program's recording; write its messages as lines of JSON, and import these: "
+        f"mcap cat --json {file} > {file.stem}.jsonl (`mcap` is the command line tool of mcap.dev)"
+    )
 
 
 def _is_text(file: Path) -> bool:

@@ -41,7 +41,7 @@ class BackgroundRecorder:
     def __init__(self, recorder: Recorder, notify: Callable[..., None]) -> None:
         self.recorder, self._notify = recorder, notify
         self.failed, self._take_back = False, 0
-        self._queue: BoundedQueue[tuple[RawScan, tuple[LiveTrack, ...]]] = BoundedQueue(
+        self._queue: BoundedQueue[tuple[RawScan, tuple[LiveTrack, ...] | None]] = BoundedQueue(
             _QUEUE_SCANS, keep=True
         )
         self._detailed: dict[int, tuple[float, int]] = {}  # time and corners of each object's last covariance
@@ -49,8 +49,8 @@ class BackgroundRecorder:
         self._thread = threading.Thread(target=self._run, name="tacstrip recorder", daemon=True)
         self._thread.start()
 
-    def add(self, raw: RawScan, tracks: tuple[LiveTrack, ...] = ()) -> None:
-        """Record a scan and its objects over time; waits while 20,000 scans wait for the disk."""
+    def add(self, raw: RawScan, tracks: tuple[LiveTrack, ...] | None = ()) -> None:
+        """Record a scan and its objects over time, None: not known; waits while 20,000 scans wait for the disk."""
         self._queue.put((raw, tracks))
 
     def close(self, take_back: int = 0) -> None:
@@ -68,7 +68,8 @@ class BackgroundRecorder:
                 while not ended:
                     ended = self._end.wait(_BATCH_S)
                     for raw, tracks in self._queue.get_all():
-                        recorder.add(replace(raw, tracks=tuple(self._stored(one) for one in tracks)))
+                        stored = None if tracks is None else tuple(self._stored(one) for one in tracks)
+                        recorder.add(replace(raw, tracks=stored))
                     recorder.idle(_BATCH_S)
                 recorder.take_back(self._take_back)
         except Exception as error:

@@ -33,7 +33,8 @@ class Frame:
         When `objects` were ready, by `time.perf_counter` [s].
     tracks
         Objects over time, as of this scan: one rigid outline each from all scans so far, in the order of their strips.
-        Those whose shape is not known yet are not there; None: not computed, because the computer was behind.
+        Those of whose scans too few told are not there. None: not known, because the computer was behind, the first
+        search for a shape has not ended, or objects are not tracked.
     origin_ns
         Unix time of `raw.time_s` = 0 [ns].
     clock
@@ -42,6 +43,8 @@ class Frame:
         source of your own does not say, by an attribute `clock`.
     device
         Name of the unit that the scan came from; empty where it has none.
+    searching
+        Number of objects that `tracks` lacks because the search for their first shape has not ended.
     frame_id, unit
         The coordinates' frame, as in recordings (x across the strips, y along them from the grounded end), and the
         unit of all lengths.
@@ -67,12 +70,13 @@ class Frame:
     objects: tuple[LiveObject, ...]
     latency_s: float
     ready_s: float
-    tracks: tuple[LiveTrack, ...] | None = ()
+    tracks: tuple[LiveTrack, ...] | None = None
     origin_ns: int = 0
     clock: str = "source"
     device: str = ""
     frame_id: str = FRAME
     unit: str = "mm"
+    searching: int = 0
 
     @property
     def time_ns(self) -> int:

@@ -12,7 +12,7 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import AsyncIterator, Callable, Iterator, Mapping
+from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Mapping
 from concurrent.futures import BrokenExecutor, Executor, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
@@ -42,6 +42,7 @@ from tacstrip.tracking.tracker import Tracker
 _LATE_S, _MAX_BACKLOG = 0.02, 3
 _DETAIL_S = 1.0 / 80.0  # between two frames with covariances, while a consumer wants them
 _MOST_KNOWN = 100  # objects over time that are remembered
+_AT_REST = ("recording", "file")  # clocks of sources whose next scan is there before its time
 _SWITCH_S = 0.0001  # between threads; Python's default of 5 ms would show as latency (docs/decisions/)
 
 
@@ -78,6 +79,8 @@ class Live:
     frames, late, unreadable
         Number of scans that came, that were not reconstructed because the computer was behind, and that could not be
         decoded.
+    untracked
+        Number of frames whose `tracks` were not known: the computer was behind, or the first search had not ended.
     error
         The exception that ended the stream, or that closing its source raised; None where there was none. Iterating
         raises it, after the last frame.
@@ -119,14 +122,15 @@ class Live:
         searches: Executor | None = None,
     ) -> None:
         self.method, self.noise = method, noise
-        self.frames = self.late = self.unreadable = 0
+        self.frames = self.late = self.unreadable = self.untracked = 0
         self.error: BaseException | None = None
         self.recording_failed = False
         self._want_detail: set[object] = set()
         self._at_end: list[Callable[[], object]] = []
         self.messages: deque[tuple[int, str]] = deque(maxlen=20)
         self.known: dict[int, LiveTrack] = {}
-        self._creep, self._wants_tracks = creep, tracks
+        self._creep, self._wants_tracks, self._fuses = creep, tracks, False
+        self._last = False  # the scan in hand is the last one
         self._tracks: LiveTracks | None = None
         self._drift, self._speed, self._next_source, self._on_message = drift, speed, next_source, on_message
         self._n_messages = 0
@@ -154,8 +158,8 @@ class Live:
         fuses = self._wants_tracks and isinstance(sensor, Sensor) and sensor.kind.closed_form
         fuses = fuses and (sensor.surface is None or sensor.surface.isometric)
         # In NumPy a search takes minutes: the stream would fall behind meanwhile, and could not end before it.
-        fuses = fuses and exported("rigid_descend") is not None
-        self._tracks = LiveTracks(source.sensor, self.noise, executor=self._fusing) if fuses else None
+        self._fuses = fuses and exported("rigid_descend") is not None
+        self._tracks = LiveTracks(source.sensor, self.noise, executor=self._fusing) if self._fuses else None
 
     def _new_tracker(self, method: str | None) -> Tracker | LayeredTracker:
         sensor = self.source.sensor
@@ -223,6 +227,11 @@ class Live:
         if self.error is not None:
             raise self.error
         return not self.running
+
+    @property
+    def tracking(self) -> bool:
+        """Whether the scans of each object are fused into one outline."""
+        return self._tracks is not None
 
     @property
     def running(self) -> bool:
@@ -379,8 +388,22 @@ class Live:
             for raw in source:
                 self._take(raw, source.arrived_s, source.waiting)
         else:
-            for raw in paced(source, self._speed, self._stopped.is_set):
+            ahead = getattr(source, "clock", "") in _AT_REST
+            scans = self._ahead(source) if ahead else source
+            for raw in paced(scans, self._speed, self._stopped.is_set):
                 self._take(raw, time.perf_counter(), 0)
+
+    def _ahead(self, scans: Iterable[RawScan]) -> Iterator[RawScan]:
+        """Yield scans, and note which is the last one."""
+        held: RawScan | None = None
+        for raw in scans:
+            if held is not None:
+                yield held
+            held = raw
+        if held is not None:
+            self._last = True
+            yield held
+            self._last = False
 
     def _take(self, raw: RawScan, arrived_s: float, waiting: int) -> None:
         self._begun_s = time.perf_counter()
@@ -414,34 +437,45 @@ class Live:
             if self.unreadable == 1:
                 self.notify(f"scan {number} cannot be used: {error}")
             return
-        tracks = None if waiting else self._tracked(scan)
         ready_s, source = time.perf_counter(), self.source
+        tracks, searching = (None, 0) if waiting else self._tracked(scan)
+        self.untracked += self._fuses and tracks is None
+        ready_s = ready_s if self._last else time.perf_counter()  # less what the last scan waits for searches
         self.meter.done(ready_s - arrived_s)
         frame = Frame(number, raw, self._decoder.sensor, scan, objects, ready_s - arrived_s, ready_s, tracks,
                       source.origin_ns, getattr(source, "clock", "source"),
-                      getattr(source, "device", ""))  # fmt: skip
+                      getattr(source, "device", ""), searching=searching)  # fmt: skip
         for queue in (*self._queues, *(self._detailed_queues if detail else ())):
             queue.put(frame)
         shapes = tuple(Shape(o.shape.status, o.shape.vertices) for o in objects if o.shape.found)
-        self._save(raw, shapes, tracks or ())
+        self._save(raw, shapes, tracks, searching)
 
-    def _tracked(self, scan: Scan) -> tuple[LiveTrack, ...]:
-        """Return the objects over time; without them the stream goes on."""
+    def _tracked(self, scan: Scan) -> tuple[tuple[LiveTrack, ...] | None, int]:
+        """Return the objects over time, None where they are not known, and how many more are searched for."""
         if self._tracks is None:
-            return ()
+            return None, 0
         try:
-            found = self._tracks.update(scan)
-        except Exception as error:
+            found = self._tracks.update(scan, wait=self._last)
+        except Exception as error:  # without them the stream goes on
             self._tracks = None
             self.notify(f"objects are not tracked any more: {in_words(error)}")
-            return ()
+            return None, 0
         for one in found:
             self.known.pop(one.id, None)
             self.known[one.id] = one
         if len(self.known) > _MOST_KNOWN:
             del self.known[next(iter(self.known))]
-        return found
+        searching = self._tracks.searching
+        return (None if searching and not found else found), searching
 
-    def _save(self, raw: RawScan, shapes: tuple[Shape, ...] = (), tracks: tuple[LiveTrack, ...] = ()) -> None:
+    def _save(
+        self,
+        raw: RawScan,
+        shapes: tuple[Shape, ...] = (),
+        tracks: tuple[LiveTrack, ...] | None = None,
+        searching: int = 0,
+    ) -> None:
+        """Give a scan to the recordings; without `tracks` they are not known."""
         for writer in self._writers:
-            writer.add(replace(raw, shapes=shapes, tracks=()), tracks)
+            stored = tracks if self._fuses else ()
+            writer.add(replace(raw, shapes=shapes, tracks=(), searching=searching), stored)

@@ -12,7 +12,7 @@ from tacstrip.errors import in_words
 from tacstrip.stream.bridges.foxglove.bridge import Foxglove
 from tacstrip.stream.bridges.ros2 import Ros2
 from tacstrip.stream.bridges.tuio import Tuio
-from tacstrip.stream.export import track_fields
+from tacstrip.stream.export import tracks_fields
 from tacstrip.stream.live.frame import Frame
 from tacstrip.stream.live.pipeline import Live
 
@@ -138,5 +138,4 @@ def _fields(frame: Frame, dropped: int) -> dict[str, Any]:
             }
             for o in frame.objects
         ],
-        "tracks": None if frame.tracks is None else [track_fields(one) for one in frame.tracks],
-    }
+    } | tracks_fields(frame.tracks, frame.searching)

@@ -26,6 +26,7 @@ from tacstrip.stream.source import CodeArray, RawScan, Shape, TrackedShape
 
 POLYGON = "geometry_msgs/msg/PolygonStamped"
 TRACK = "tacstrip_msgs/msg/Track"
+SEARCHING = "std_msgs/msg/UInt32"
 SCANS = {2: "tacstrip_msgs/msg/Scan", 4: "tacstrip_msgs/msg/WideScan"}  # by bytes per code
 NAMES = (*SIGNATURES, ELECTRODES)
 FRAME = "tacstrip"  # x across the strips, y along them from the grounded end
@@ -39,6 +40,7 @@ _COMMON = {
     "geometry_msgs/msg/Point32": "float32 x\nfloat32 y\nfloat32 z\n",
     "geometry_msgs/msg/Polygon": "Point32[] points\n",
     POLYGON: "std_msgs/Header header\nPolygon polygon\n",
+    SEARCHING: "uint32 data\n",
 }
 
 _SCAN_TEXT = """\
@@ -179,6 +181,16 @@ def read_track(data: bytes) -> TrackedShape:
         shape.reshape(size, size) if len(shape) else None,
         pose.reshape(3, 3) / np.outer(_METRES, _METRES) if len(pose) else None,
     )  # fmt: skip
+
+
+def searching_message(count: int) -> bytes:
+    """Return as a message how many objects a scan's tracks lack because their shape was still searched for."""
+    return _write(SEARCHING, data=count)
+
+
+def read_searching(data: bytes) -> int:
+    """Return the number in such a message; `RecordingError` where it is not one."""
+    return int(_read(SEARCHING, data).data)
 
 
 def _floats(values: FloatArray | None) -> Any:

@@ -29,6 +29,7 @@ SCAN_TOPIC = "/tacstrip/scan"
 _ENDINGS = {"ok": "", "likely": "_likely", "doubtful": "_doubtful"}
 POLYGON_TOPICS = {status: f"/tacstrip/polygon{ending}" for status, ending in _ENDINGS.items()}
 TRACK_TOPIC = "/tacstrip/track"
+SEARCHING_TOPIC = "/tacstrip/searching"
 TRACK_POLYGON_TOPICS = {status: f"/tacstrip/track_polygon{ending}" for status, ending in _ENDINGS.items()}
 MAX_AGE_S = 0.08  # longest time that a scan waits in memory, so that a killed recorder loses less than 0.1 s
 _FLUSHES = 4096  # that may be taken back: minutes
@@ -138,6 +139,8 @@ class Recorder:
                 for topics in (POLYGON_TOPICS, TRACK_POLYGON_TOPICS)
             )
             self._track_channel = writer.register_channel(TRACK_TOPIC, "cdr", schema_of(messages.TRACK))
+            schema = schema_of(messages.SEARCHING)
+            self._searching_channel = writer.register_channel(SEARCHING_TOPIC, "cdr", schema)
         self.flush()
 
     @property
@@ -162,18 +165,21 @@ class Recorder:
         for shape in raw.shapes:
             channel = self._polygon_channels.get(shape.status, self._polygon_channels["doubtful"])
             parts.append((channel, messages.polygon_message(shape.vertices, now_ns)))
-        for track in raw.tracks:
+        tracks = raw.tracks or ()
+        for track in tracks:
             parts.append((self._track_channel, messages.track_message(track, now_ns)))
             if len(track.outline) and np.isfinite(track.pose).all():
                 status = track.status if track.status in TRACK_POLYGON_TOPICS else "doubtful"
                 corners = messages.polygon_message(track.placed, now_ns)
                 parts.append((self._track_polygon_channels[status], corners))
+        if raw.tracks is None or raw.searching:
+            parts.append((self._searching_channel, messages.searching_message(raw.searching)))
         with self._file.guard():
             for channel, data in parts:
                 self._file.writer.add_message(channel, now_ns, data, came_ns, self.scans % 2**32)
         self.scans += 1
         self.polygons += len(raw.shapes)
-        self.tracks += len(raw.tracks)
+        self.tracks += len(tracks)
         self._waiting_bytes += sum(len(data) for _, data in parts)
         age_s = max(abs(raw.time_s - self._first_s), time.monotonic() - self._since)
         # The first scan is written at once: from then on the file is a recording.

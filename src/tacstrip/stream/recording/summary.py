@@ -13,7 +13,7 @@ from tacstrip.stream.source import RawScan
 
 def summary(source: Recording, scans: Iterable[RawScan]) -> list[str]:
     """Read all scans of a recording and return its summary, line by line."""
-    count, lost, touched = 0, 0, 0
+    count = lost = touched = unknown = 0
     shapes: Counter[str] = Counter()
     tracks: Counter[int] = Counter()
     first: RawScan | None = None
@@ -25,7 +25,8 @@ def summary(source: Recording, scans: Iterable[RawScan]) -> list[str]:
         count += 1
         touched += bool(raw.touched.any())
         shapes.update(shape.status for shape in raw.shapes)
-        tracks.update(track.id for track in raw.tracks)
+        tracks.update(track.id for track in raw.tracks or ())
+        unknown += raw.tracks is None
     sensor = source.sensor
     began = datetime.fromtimestamp(source.origin_ns / NANO, UTC).isoformat(timespec="seconds")
     lines = [
@@ -40,5 +41,9 @@ def summary(source: Recording, scans: Iterable[RawScan]) -> list[str]:
     if tracks:
         by_number = ", ".join(f"object {number} in {scans} scans" for number, scans in sorted(tracks.items()))
         lines.append(f"objects over time: {by_number}")
+    if unknown:
+        lines.append(
+            f"objects over time were not known yet in {unknown} scan(s): `tacstrip track {source.path}` finds them"
+        )
     shown = ("source", "sensor", "method", "made")
     return lines + [f"{key}: {text}" for key, text in source.about.items() if key in shown and text]

@@ -57,7 +57,7 @@ function show() {
   drawn.frame = frame;
   drawn.times.push(now);
   while (drawn.times[0] < now - 1000) drawn.times.shift();
-  if (frame.tracks) tracks.take(frame.tracks); // null: the computer was behind
+  tracks.take(frame.tracks, frame.searching);
   if (drawn.count % 12 === 1) { list(frame.objects); tracks.show(); }
 }
 
@@ -74,9 +74,8 @@ function about(message) {
     objects.draw();
     const strips = sensor.layers.map((one) => one.strips).join(" + ");
     get("what").textContent = `${sensor.construction}, ${strips} strips, ${+surface.width.toFixed(1)} × ${+surface.length.toFixed(1)} mm`;
-    // One outline from all scans is for one layer, and for skins on which it does not change where it moves.
-    get("rigid").hidden = !sensor.rigid || sensor.layers.length > 1;
   }
+  get("rigid").hidden = !message.tracking;
   play = Boolean(message.simulator);
   document.querySelectorAll(".play").forEach((e) => { e.hidden = !play; });
   surface.svg.classList.toggle("surface-look", !control);

@@ -105,13 +105,14 @@ export class Surface {
       e.setAttribute("vector-effect", fixed);
       e.setAttribute("d", this.path(o.vertices));
     });
-    if (frame.tracks) fill(this.layers.fused, "path", frame.tracks.filter((o) => o.vertices.length), (e, o) => {
+    const tracks = frame.tracks || (frame.searching ? [] : null); // null: the computer was behind; what is drawn stays
+    if (tracks) fill(this.layers.fused, "path", tracks.filter((o) => o.vertices.length), (e, o) => {
       e.setAttribute("class", "fused");
       e.setAttribute("data-s", o.status);
       e.setAttribute("vector-effect", fixed);
       e.setAttribute("d", this.path(o.vertices));
     });
-    if (frame.tracks) this.fusedOthers = frame.tracks.flatMap((o) => o.alternatives.map(({ vertices }) => ({ vertices, fused: true })));
+    if (tracks) this.fusedOthers = tracks.flatMap((o) => o.alternatives.map(({ vertices }) => ({ vertices, fused: true })));
     // A piece that another one hides in part: its edges one by one, the hidden ones dashed.
     const edges = found.filter((o) => o.hidden_edges).flatMap((o) =>
       o.hidden_edges.map((hidden, i) => [hidden, o.vertices[i], o.vertices[(i + 1) % o.vertices.length]]));

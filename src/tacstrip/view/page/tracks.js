@@ -8,10 +8,15 @@ export class Tracks {
   constructor(list) {
     this.list = list;
     this.tracks = [];
+    this.searching = 0;
     this.ways = new Map(); // by number: scans and deviation, as they grew
   }
 
-  take(tracks) {
+  // Objects over time, and how many more are searched for; null: the computer was behind, and what is shown stays.
+  take(known, searching) {
+    this.searching = searching;
+    const tracks = known || (searching ? [] : null);
+    if (!tracks) return;
     const seen = new Map();
     for (const one of tracks) {
       let way = this.ways.get(one.id) || [];
@@ -39,10 +44,10 @@ export class Tracks {
       if (one.advice) part("span", one.advice, "advice");
       return item;
     });
-    if (!items.length) {
+    if (this.searching || !items.length) {
       const none = document.createElement("li");
       none.className = "none";
-      none.textContent = "no shape is known yet: slide or turn an object";
+      none.textContent = this.searching ? "searching for a shape" : "no shape is known yet: slide or turn an object";
       items.push(none);
     }
     this.list.replaceChildren(...items);

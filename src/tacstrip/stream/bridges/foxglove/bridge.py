@@ -87,7 +87,9 @@ class Foxglove:
             "y_mm": _NUMBER, "angle_rad": _NUMBER, "scans": _WHOLE, "deviation_mm": _NUMBER,
         }}  # fmt: skip
         shapes = {name: {"type": "array", "items": one} for name in ("objects", "tracks")}
-        self._shapes = Channel.of_json("/tacstrip/shapes", "tacstrip.Shapes", scan | shapes)
+        self._shapes = Channel.of_json(
+            "/tacstrip/shapes", "tacstrip.Shapes", scan | shapes | {"searching": _WHOLE}
+        )
         health = dict.fromkeys(_HEALTH.split(), _NUMBER)
         self._health = Channel.of_json("/tacstrip/health", "tacstrip.Health", {"timestamp": _TIME} | health)
         self._shown = ""  # the fingerprint of the sensor that was sent
@@ -121,8 +123,9 @@ class Foxglove:
         if takes(self._objects):
             shapes = [(o.id, o.shape.status, o.shape.vertices) for o in frame.objects if o.shape.found]
             messages.append((self._objects, self._scene("objects", time_ns, shapes)))
-        if frame.tracks is not None and takes(self._tracks):
-            seen = [one for one in frame.tracks if np.isfinite(one.pose).all() and len(one.outline)]
+        # Where the computer was behind, the last ones stay.
+        if (frame.tracks is not None or frame.searching) and takes(self._tracks):
+            seen = [one for one in frame.tracks or () if np.isfinite(one.pose).all() and len(one.outline)]
             shapes = [(one.id, one.status, one.placed) for one in seen]
             messages.append((self._tracks, self._scene("tracks", time_ns, shapes, _TRACK)))
         self._live.want_detail(self, self.server.wanted(self._regions))
@@ -272,8 +275,10 @@ def _shape_fields(frame: Frame) -> bytes:
         "timestamp": _stamp(frame.time_ns),
         "scan": frame.number,
         "objects": [_of_object(one) for one in frame.objects],
-        "tracks": [_of_track(one) for one in frame.tracks or ()],
+        "searching": frame.searching,
     }
+    if frame.tracks is not None:  # which are not known else
+        fields["tracks"] = [_of_track(one) for one in frame.tracks]
     return _ENCODER.encode(fields).encode()
 
 
