@@ -16,6 +16,7 @@ _FIRST, _LEAST, _MOST = 0.002, 0.0003, 0.01  # deviation of offsets [Vref]: the 
 _ROUNDS = 4  # of offsets and fit in turn
 _EVIDENCE = 3.0  # twice the logarithm of how much likelier the readings are with offsets than without
 _RULED_OUT = -6.0  # likewise: odds of 1:20 against offsets
+_TRIED, _HOPED = 4, 60.0  # fits that offsets are fitted with, of which that makes so much hope
 _DAMPING = 1e-4
 
 
@@ -85,6 +86,46 @@ def channel_offsets(
     found_now = Offsets(values, prior, price, float((1.0 - spread / prior**2).sum()))
     asked_for = known or before - fit.cost - found_now.cost > _EVIDENCE
     return (found_now, fit) if asked_for else None
+
+
+def likeliest(scans: RigidScans, fits: list[Fit], least: float) -> tuple[Offsets, Fit] | None:
+    """Return offsets and the fit that explain the readings best together, of fits of any number of corners.
+
+    None, where the best criterion without offsets, `least`, is not enough above theirs. Corners take offsets up, so that
+    a fit that explains the readings with too many asks for none: those of fewer corners do.
+    """
+    if len(scans.k) < _FEWEST:
+        return None
+    none = Offsets(np.zeros(scans.k.shape[1:]), _FIRST)
+    hoped = sorted(((_hoped(scans, fit), i) for i, fit in enumerate(fits)))
+    tries = list[tuple[float, Offsets, Fit]]()
+    for hope, i in _unlike(hoped)[:_TRIED]:
+        if hope > least + _HOPED:
+            break
+        trial = channel_offsets(scans, fits[i], none)
+        assert trial is not None
+        tries.append((trial[1].criterion(scans) + trial[0].cost, *trial))
+    if not tries:
+        return None
+    offsets, fit = without_needless_corners(scans, *min(tries, key=lambda t: t[0])[1:])
+    enough = fit.criterion(scans) + offsets.cost < least - _EVIDENCE
+    return (offsets, fit) if enough else None
+
+
+def _unlike(hoped: list[tuple[float, int]]) -> list[tuple[float, int]]:
+    """Return each of what many turns end in once."""
+    kept = hoped[:1]
+    for hope, i in hoped[1:]:
+        if hope - kept[-1][0] > 0.1:
+            kept.append((hope, i))
+    return kept
+
+
+def _hoped(scans: RigidScans, fit: Fit) -> float:
+    """Return what the criterion of a fit becomes once offsets are fitted along, as far as that is linear."""
+    known_of, asked = _alone(scans, fit, np.zeros(scans.k.shape[1:]), _FIRST)
+    price = float(np.linalg.slogdet(_FIRST**2 * known_of)[1])
+    return fit.criterion(scans) - float(asked @ np.linalg.solve(known_of, asked)) + price
 
 
 def _alone(

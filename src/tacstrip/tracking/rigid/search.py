@@ -26,7 +26,7 @@ from tacstrip.tracking.rigid.corners import (
 )
 from tacstrip.tracking.rigid.covariance import following
 from tacstrip.tracking.rigid.found import WORTH_SETTLING, Found, carried, content
-from tacstrip.tracking.rigid.offsets import channel_offsets, taken_off, without_needless_corners
+from tacstrip.tracking.rigid.offsets import channel_offsets, likeliest, taken_off, without_needless_corners
 from tacstrip.tracking.rigid.smooth_path import one_after_another, spline_basis
 from tacstrip.tracking.rigid.starts import (
     FEW_A_SCAN,
@@ -206,11 +206,22 @@ def _with_offsets(
     compete = not wanted or scans.strips_touched < FEW_STRIPS or content(scans, best, distribution)
     without = _compared(scans, fits, distribution) if compete else Found(best, np.arange(len(scans.k)))
     wanted &= without.fit.cost < _NO_OFFSETS * without.fit.freedom(scans)
-    asked = channel_offsets(scans, without.fit) if wanted else None
+    if not tied:
+        few = starts.few
+        fits_few = starts.pruned(turns)
+        least = min(f.criterion(few) for f in fits_few)
+        asked = likeliest(few, fits_few, least) if wanted else None
+    else:
+        asked = channel_offsets(scans, without.fit) if wanted else None
     if asked is None or asked[1].cost > WORTH_SETTLING * asked[1].freedom(scans):  # it is not offsets, then
         return replace(without if compete else _compared(scans, fits, distribution), starts=starts)
-    offsets, _ = without_needless_corners(scans, *asked)
+    if tied:
+        offsets, _ = without_needless_corners(scans, *asked)
+    else:
+        offsets = asked[0]
     fits = _polygons(starts, taken_off(scans, offsets), turns, distribution, tied)
+    if not tied:
+        fits.append(_on_all(taken_off(scans, offsets), starts.chosen, asked[1]))
     fits.sort(key=lambda f: f.criterion(scans))
     if compete:
         found = _compared(taken_off(scans, offsets), fits, distribution)
