@@ -88,14 +88,14 @@ def channel_offsets(
     return (found_now, fit) if asked_for else None
 
 
-def likeliest(scans: RigidScans, fits: list[Fit], least: float) -> tuple[Offsets, Fit] | None:
-    """Return offsets and the fit that explain the readings best together, of fits of any number of corners.
+def likeliest(scans: RigidScans, fits: list[Fit], least: float) -> list[tuple[Offsets, Fit]]:
+    """Return offsets and fits that explain the readings best together, of fits of any number of corners.
 
     None, where the best criterion without offsets, `least`, is not enough above theirs. Corners take offsets up, so that
     a fit that explains the readings with too many asks for none: those of fewer corners do.
     """
     if len(scans.k) < _FEWEST:
-        return None
+        return []
     none = Offsets(np.zeros(scans.k.shape[1:]), _FIRST)
     hoped = sorted(((_hoped(scans, fit), i) for i, fit in enumerate(fits)))
     tries = list[tuple[float, Offsets, Fit]]()
@@ -104,12 +104,16 @@ def likeliest(scans: RigidScans, fits: list[Fit], least: float) -> tuple[Offsets
             break
         trial = channel_offsets(scans, fits[i], none)
         assert trial is not None
+        trial = without_needless_corners(scans, *trial)
         tries.append((trial[1].criterion(scans) + trial[0].cost, *trial))
-    if not tries:
-        return None
-    offsets, fit = without_needless_corners(scans, *min(tries, key=lambda t: t[0])[1:])
-    enough = fit.criterion(scans) + offsets.cost < least - _EVIDENCE
-    return (offsets, fit) if enough else None
+    tries.sort(key=lambda t: t[0])
+    if not tries or tries[0][0] > least - _EVIDENCE:
+        return []
+    kept = [tries[0]]
+    for t in tries[1:]:
+        if t[0] < tries[0][0] + 16.0 and t[0] - kept[-1][0] > 0.1:
+            kept.append(t)
+    return [t[1:] for t in kept]
 
 
 def _unlike(hoped: list[tuple[float, int]]) -> list[tuple[float, int]]:

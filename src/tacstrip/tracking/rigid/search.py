@@ -26,7 +26,7 @@ from tacstrip.tracking.rigid.corners import (
 )
 from tacstrip.tracking.rigid.covariance import following
 from tacstrip.tracking.rigid.found import WORTH_SETTLING, Found, carried, content
-from tacstrip.tracking.rigid.offsets import channel_offsets, likeliest, taken_off, without_needless_corners
+from tacstrip.tracking.rigid.offsets import Offsets, channel_offsets, likeliest, taken_off, without_needless_corners
 from tacstrip.tracking.rigid.smooth_path import one_after_another, spline_basis
 from tacstrip.tracking.rigid.starts import (
     FEW_A_SCAN,
@@ -199,32 +199,27 @@ def _with_offsets(
 
     Of many strips its corners are counted only once it is known what the channels are off.
     """
-    scans = starts.scans
+    scans, chosen = starts.scans, starts.chosen
     fits = _polygons(starts, scans, turns, distribution, tied)
     best = min(fits, key=lambda f: f.criterion(scans))
     # Corners and offsets explain the same where few strips are touched, and need not where either may do without.
     compete = not wanted or scans.strips_touched < FEW_STRIPS or content(scans, best, distribution)
     without = _compared(scans, fits, distribution) if compete else Found(best, np.arange(len(scans.k)))
     wanted &= without.fit.cost < _NO_OFFSETS * without.fit.freedom(scans)
-    if not tied:
-        few = starts.few
-        fits_few = starts.pruned(turns)
-        least = min(f.criterion(few) for f in fits_few)
-        asked = likeliest(few, fits_few, least) if wanted else None
-    else:
-        asked = channel_offsets(scans, without.fit) if wanted else None
+    near, asked = list[Fit](), None
+    if wanted and not tied:
+        near, asked = _asked_for(starts, turns, without.fit)
+    if wanted and asked is None:
+        asked = channel_offsets(scans, without.fit)
     if asked is None or asked[1].cost > WORTH_SETTLING * asked[1].freedom(scans):  # it is not offsets, then
         return replace(without if compete else _compared(scans, fits, distribution), starts=starts)
-    if tied:
-        offsets, _ = without_needless_corners(scans, *asked)
-    else:
-        offsets = asked[0]
-    fits = _polygons(starts, taken_off(scans, offsets), turns, distribution, tied)
-    if not tied:
-        fits.append(_on_all(taken_off(scans, offsets), starts.chosen, asked[1]))
-    fits.sort(key=lambda f: f.criterion(scans))
+    offsets, fit = without_needless_corners(scans, *asked)
+    rest = taken_off(scans, offsets)
+    if not near:
+        near = _polygons(starts, rest, turns, distribution, tied)
+    fits = sorted([fit, *near], key=lambda f: f.criterion(rest))
     if compete:
-        found = _compared(taken_off(scans, offsets), fits, distribution)
+        found = _compared(rest, fits, distribution)
         fits = [found.fit, *(f for f, _ in found.rivals)]
     asked = channel_offsets(scans, fits[0], offsets)
     assert asked is not None
@@ -233,6 +228,24 @@ def _with_offsets(
     again = [settled(rest, fitted(rest, f.corners, f.poses, basis=f.basis)) for f in (best, *fits)]
     free = replace(_compared(rest, again, distribution), offsets=offsets, starts=starts)
     return likelier(scans, free, without, distribution)
+
+
+def _asked_for(
+    starts: Starts, turns: list[int], without: Fit
+) -> tuple[list[Fit], tuple[Offsets, Fit] | None]:
+    """Return offsets"""
+    few, chosen = starts.few, starts.chosen
+    tries = likeliest(few, starts.pruned(turns), without.of(chosen).criterion(few))
+    ends = []
+    for offsets, fit in tries:
+        rest = taken_off(starts.scans, offsets)
+        end = _on_all(rest, chosen, fit)
+        asked = channel_offsets(starts.scans, end, offsets)
+        ends.append((asked[1].criterion(starts.scans) + asked[0].cost, asked))
+    if not ends:
+        return [], None
+    ends.sort(key=lambda e: e[0])
+    return [a[1] for _, a in ends[1:]], ends[0][1]
 
 
 def likelier(scans: RigidScans, a: Found, b: Found, distribution: str) -> Found:
