@@ -107,7 +107,7 @@ def likeliest(scans: RigidScans, fits: list[Fit], least: float) -> list[tuple[Of
         trial = without_needless_corners(scans, *trial)
         tries.append((trial[1].criterion(scans) + trial[0].cost, *trial))
     tries.sort(key=lambda t: t[0])
-    if not tries or tries[0][0] > least - _EVIDENCE:
+    if not tries or tries[0][0] > least:
         return []
     kept = [tries[0]]
     for t in tries[1:]:
