@@ -16,7 +16,9 @@ _FIRST, _LEAST, _MOST = 0.002, 0.0003, 0.01  # deviation of offsets [Vref]: the 
 _ROUNDS = 4  # of offsets and fit in turn
 _EVIDENCE = 3.0  # twice the logarithm of how much likelier the readings are with offsets than without
 _RULED_OUT = -6.0  # likewise: odds of 1:20 against offsets
-_TRIED, _HOPED = 4, 60.0  # fits that offsets are fitted with, of which that makes so much hope
+# Fits that offsets are fitted along with, how far above the best criterion that is hoped for, and how near the best it
+# must end; criteria that differ by less are of one outline.
+_TRIED, _HOPED, _NEAR, _ALIKE = 4, 60.0, 16.0, 0.1
 _DAMPING = 1e-4
 
 
@@ -88,41 +90,31 @@ def channel_offsets(
     return (found_now, fit) if asked_for else None
 
 
-def likeliest(scans: RigidScans, fits: list[Fit], least: float) -> list[tuple[Offsets, Fit]]:
-    """Return offsets and fits that explain the readings best together, of fits of any number of corners.
+def offsets_of_all(scans: RigidScans, fits: list[Fit], least: float) -> list[tuple[Offsets, Fit]]:
+    """Return offsets and fits, of any number of corners, that explain the readings best together, the best first.
 
-    None, where the best criterion without offsets, `least`, is not enough above theirs. Corners take offsets up, so that
-    a fit that explains the readings with too many asks for none: those of fewer corners do.
+    Corners take offsets up: a fit that explains the readings with too many asks for none, those of fewer do. None where
+    all are above the `least` criterion without offsets.
     """
     if len(scans.k) < _FEWEST:
         return []
-    none = Offsets(np.zeros(scans.k.shape[1:]), _FIRST)
-    hoped = sorted(((_hoped(scans, fit), i) for i, fit in enumerate(fits)))
-    tries = list[tuple[float, Offsets, Fit]]()
-    for hope, i in _unlike(hoped)[:_TRIED]:
-        if hope > least + _HOPED:
+    none, last = Offsets(np.zeros(scans.k.shape[1:]), _FIRST), -np.inf
+    tries, hoped = list[tuple[float, Offsets, Fit]](), sorted((_hoped(scans, f), i) for i, f in enumerate(fits))
+    for hope, i in hoped:
+        if hope > least + _HOPED or len(tries) == _TRIED:
             break
-        trial = channel_offsets(scans, fits[i], none)
+        if hope - last < _ALIKE:  # what several turns ended in
+            continue
+        last, trial = hope, channel_offsets(scans, fits[i], none)
         assert trial is not None
-        trial = without_needless_corners(scans, *trial)
-        tries.append((trial[1].criterion(scans) + trial[0].cost, *trial))
+        offsets, fit = without_needless_corners(scans, *trial)
+        tries.append((fit.criterion(scans) + offsets.cost, offsets, fit))
     tries.sort(key=lambda t: t[0])
     if not tries or tries[0][0] > least:
         return []
-    kept = [tries[0]]
-    for t in tries[1:]:
-        if t[0] < tries[0][0] + 16.0 and t[0] - kept[-1][0] > 0.1:
-            kept.append(t)
-    return [t[1:] for t in kept]
-
-
-def _unlike(hoped: list[tuple[float, int]]) -> list[tuple[float, int]]:
-    """Return each of what many turns end in once."""
-    kept = hoped[:1]
-    for hope, i in hoped[1:]:
-        if hope - kept[-1][0] > 0.1:
-            kept.append((hope, i))
-    return kept
+    near = [t for t in tries if t[0] < tries[0][0] + _NEAR]
+    unlike = [t for t, before in zip(near, [None, *near], strict=False) if not before or t[0] - before[0] > _ALIKE]
+    return [(offsets, fit) for _, offsets, fit in unlike]
 
 
 def _hoped(scans: RigidScans, fit: Fit) -> float:
