@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -14,12 +15,14 @@ from tacstrip.tracking.rigid.covariance import UPRIGHT, information, of_numbers,
 _FEWEST = 12  # scans that tell an offset from a shape
 _FIRST, _LEAST, _MOST = 0.002, 0.0003, 0.01  # deviation of offsets [Vref]: the first guess, and its limits
 _ROUNDS = 4  # of offsets and fit in turn
-_EVIDENCE = 3.0  # twice the logarithm of how much likelier the readings are with offsets than without
+EVIDENCE = 3.0  # twice the logarithm of how much likelier the readings are with offsets than without
 _RULED_OUT = -6.0  # likewise: odds of 1:20 against offsets
-# Fits that offsets are fitted along with, how far above the best criterion that is hoped for, and how near the best it
-# must end; criteria that differ by less are of one outline.
-_TRIED, _HOPED, _NEAR, _ALIKE = 4, 60.0, 16.0, 0.1
+# Fits that offsets are fitted along with; how far above the best criterion these may be, before and after; and what
+# differs by less is one outline.
+_TRIED, _NEAR, _ALIKE = 4, 12.0, 0.1
 _DAMPING = 1e-4
+
+_T = TypeVar("_T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +89,7 @@ def channel_offsets(
         deviation = float(np.sqrt((own**2 + spread).mean()))
         deviation = min(max(deviation, _LEAST), _MOST)
     found_now = Offsets(values, prior, price, float((1.0 - spread / prior**2).sum()))
-    asked_for = known or before - fit.cost - found_now.cost > _EVIDENCE
+    asked_for = known or before - fit.cost - found_now.cost > EVIDENCE
     return (found_now, fit) if asked_for else None
 
 
@@ -94,27 +97,30 @@ def offsets_of_all(scans: RigidScans, fits: list[Fit], least: float) -> list[tup
     """Return offsets and fits, of any number of corners, that explain the readings best together, the best first.
 
     Corners take offsets up: a fit that explains the readings with too many asks for none, those of fewer do. None where
-    all are above the `least` criterion without offsets.
+    all are far above the `least` criterion without offsets.
     """
     if len(scans.k) < _FEWEST:
         return []
-    none, last = Offsets(np.zeros(scans.k.shape[1:]), _FIRST), -np.inf
-    tries, hoped = list[tuple[float, Offsets, Fit]](), sorted((_hoped(scans, f), i) for i, f in enumerate(fits))
-    for hope, i in hoped:
-        if hope > least + _HOPED or len(tries) == _TRIED:
-            break
-        if hope - last < _ALIKE:  # what several turns ended in
-            continue
-        last, trial = hope, channel_offsets(scans, fits[i], none)
-        assert trial is not None
-        offsets, fit = without_needless_corners(scans, *trial)
-        tries.append((fit.criterion(scans) + offsets.cost, offsets, fit))
-    tries.sort(key=lambda t: t[0])
-    if not tries or tries[0][0] > least:
-        return []
-    near = [t for t in tries if t[0] < tries[0][0] + _NEAR]
-    unlike = [t for t, before in zip(near, [None, *near], strict=False) if not before or t[0] - before[0] > _ALIKE]
-    return [(offsets, fit) for _, offsets, fit in unlike]
+    none = Offsets(np.zeros(scans.k.shape[1:]), _FIRST)
+    hoped = [(_hoped(scans, fit), fit) for _, fit in _unlike([(f.criterion(scans), f) for f in fits])]
+    tries = list[tuple[float, tuple[Offsets, Fit]]]()
+    for hope, fit in _unlike(hoped)[:_TRIED]:
+        if hope < least + _NEAR:
+            trial = channel_offsets(scans, fit, none)
+            assert trial is not None
+            offsets, fewer = without_needless_corners(scans, *trial)
+            tries.append((fewer.criterion(scans) + offsets.cost, (offsets, fewer)))
+    best = min((criterion for criterion, _ in tries), default=np.inf)
+    return [t for criterion, t in _unlike(tries) if criterion < min(best, least) + _NEAR]
+
+
+def _unlike(fits: list[tuple[float, _T]]) -> list[tuple[float, _T]]:
+    """Return what several turns ended in once, by its criterion, the best first."""
+    kept = list[tuple[float, _T]]()
+    for criterion, fit in sorted(fits, key=lambda f: f[0]):
+        if not kept or criterion > kept[-1][0] + _ALIKE:
+            kept.append((criterion, fit))
+    return kept
 
 
 def _hoped(scans: RigidScans, fit: Fit) -> float:

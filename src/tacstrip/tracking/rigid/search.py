@@ -27,6 +27,7 @@ from tacstrip.tracking.rigid.corners import (
 from tacstrip.tracking.rigid.covariance import following
 from tacstrip.tracking.rigid.found import WORTH_SETTLING, Found, carried, content
 from tacstrip.tracking.rigid.offsets import (
+    EVIDENCE,
     Offsets,
     channel_offsets,
     offsets_of_all,
@@ -215,6 +216,8 @@ def _with_offsets(
     compete = not wanted or scans.strips_touched < FEW_STRIPS or content(scans, best, distribution)
     compete &= not asked or _criterion(scans, *asked[0]) > best.criterion(scans) - _SURE_OFFSETS
     without = _compared(scans, fits, distribution) if compete else Found(best, np.arange(len(scans.k)))
+    if asked and _criterion(scans, *asked[0]) > without.criterion(scans) - EVIDENCE:
+        asked = []
     if wanted and not asked and (alone := channel_offsets(scans, without.fit)) is not None:
         asked = [alone]
     # else it is not offsets
@@ -231,7 +234,7 @@ def _with_offsets(
 def _asked_for(starts: Starts, turns: list[int], without: Fit) -> list[tuple[Offsets, Fit]]:
     """Return offsets and fits of all scans that polygons of all counts become along with them, the best first.
 
-    None where the fit without offsets explains the readings as well.
+    None where the fit without offsets explains the readings far better.
     """
     scans, chosen, ends = starts.scans, starts.chosen, list[tuple[Offsets, Fit]]()
     least = without.of(chosen).criterion(starts.few)
