@@ -629,6 +629,14 @@ def test_offsets_of_channels_are_found_along_with_the_shape() -> None:
         assert np.std(one.offsets[name][often] - true[often]) < 0.5 * np.std(true[often])
 
 
+@pytest.mark.parametrize("number", [2, 3])
+def test_neither_round_corners_nor_more_of_them_take_offsets_up(number: int) -> None:
+    of = scene("offsets", 856, number)
+    (one,) = ts.track(of.scans, of.unit.sensor, of.told)
+    assert of.outline is not None
+    assert (one.kind, len(one.outline)) == ("polygon", len(of.outline))
+
+
 def test_corners_on_many_strips_are_counted_once_offsets_are_known(monkeypatch: pytest.MonkeyPatch) -> None:
     of, counted = scene("offsets, 100", 520, 2), list[float]()
 

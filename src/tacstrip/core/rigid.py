@@ -327,9 +327,7 @@ def linearised(scans: RigidScans, corners: FloatArray, poses: FloatArray) -> Lin
     return found
 
 
-def plain_linearised(
-    scans: RigidScans, corners: FloatArray, poses: FloatArray
-) -> tuple[Linearised, _Placed]:
+def plain_linearised(scans: RigidScans, corners: FloatArray, poses: FloatArray) -> tuple[Linearised, _Placed]:
     """Do as `linearised`, all scans and strips at once."""
     sensor, length = scans.sensor, scans.sensor.length_mm
     cos, sin = np.cos(poses[:, 2])[:, None], np.sin(poses[:, 2])[:, None]

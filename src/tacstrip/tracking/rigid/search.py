@@ -205,7 +205,7 @@ def _with_offsets(
 ) -> Found:
     """Return the polygon that rough outlines become, of readings without what the channels are off.
 
-    Its corners are counted once it is known what the channels are off; without offsets, too, where these may do without.
+    Its corners are counted once it is known what the channels are off, and without that where they may do without.
     """
     scans = starts.scans
     fits = _polygons(starts, scans, turns, distribution, tied)
