@@ -19,7 +19,7 @@ EVIDENCE = 3.0  # twice the logarithm of how much likelier the readings are with
 _RULED_OUT = -6.0  # likewise: odds of 1:20 against offsets
 # Fits that offsets are fitted along with; how far above the best criterion these may be, before and after; and what
 # differs by less is one outline.
-_TRIED, _NEAR, _ALIKE = 4, 12.0, 0.1
+_TRIED, _NEAR, _ALIKE = 4, 8.0, 0.1
 _DAMPING = 1e-4
 
 _T = TypeVar("_T")
@@ -110,8 +110,10 @@ def offsets_of_all(scans: RigidScans, fits: list[Fit], least: float) -> list[tup
             assert trial is not None
             offsets, fewer = without_needless_corners(scans, *trial)
             tries.append((fewer.criterion(scans) + offsets.cost, (offsets, fewer)))
-    best = min((criterion for criterion, _ in tries), default=np.inf)
-    return [t for criterion, t in _unlike(tries) if criterion < min(best, least) + _NEAR]
+    tries = _unlike(tries)
+    if tries and tries[0][0] > least:  # one that comes close may, once it is settled, be better
+        tries = tries[:1]
+    return [t for criterion, t in tries if criterion < min(tries[0][0], least) + _NEAR]
 
 
 def _unlike(fits: list[tuple[float, _T]]) -> list[tuple[float, _T]]:
