@@ -307,7 +307,7 @@ class Linearised:
 
 
 @dataclass(frozen=True)
-class _Placed:
+class Placed:
     """What else follows of posed corners."""
 
     edges: FloatArray  # dk by a shift of the lower and of the upper edge across itself, squared (T, S, n)
@@ -327,7 +327,7 @@ def linearised(scans: RigidScans, corners: FloatArray, poses: FloatArray) -> Lin
     return found
 
 
-def plain_linearised(scans: RigidScans, corners: FloatArray, poses: FloatArray) -> tuple[Linearised, _Placed]:
+def plain_linearised(scans: RigidScans, corners: FloatArray, poses: FloatArray) -> tuple[Linearised, Placed]:
     """Do as `linearised`, all scans and strips at once."""
     sensor, length = scans.sensor, scans.sensor.length_mm
     cos, sin = np.cos(poses[:, 2])[:, None], np.sin(poses[:, 2])[:, None]
@@ -357,7 +357,7 @@ def plain_linearised(scans: RigidScans, corners: FloatArray, poses: FloatArray) 
     for part in (models, rows, edges):
         every.append(np.zeros((*scans.k.shape, *part[0].shape[2:])))
         every[-1][:, :, scans.reached] = np.stack(part, axis=1)
-    return Linearised(every[0], every[1]), _Placed(every[2], x, y)
+    return Linearised(every[0], every[1]), Placed(every[2], x, y)
 
 
 def linearised_blocks(
