@@ -20,6 +20,7 @@ _RULED_OUT = -6.0  # likewise: odds of 1:20 against offsets
 # Fits that offsets are fitted along with; how far above the best criterion these may be, before and after; and what
 # differs by less is one outline.
 _TRIED, _NEAR, _ALIKE = 4, 8.0, 0.1
+_HOPELESS = 2.0  # times the freedom, foretold: what is not rigid
 _DAMPING = 1e-4
 
 _T = TypeVar("_T")
@@ -97,7 +98,7 @@ def offsets_of_all(scans: RigidScans, fits: list[Fit], least: float) -> list[tup
     """Return offsets and fits, of any number of corners, that explain the readings best together, the best first.
 
     Corners take offsets up: a fit that explains the readings with too many asks for none, those of fewer do. None where
-    all are far above the `least` criterion without offsets.
+    all are far above the `least` criterion without offsets, or leave far more of the readings than noise does.
     """
     if len(scans.k) < _FEWEST:
         return []
@@ -105,7 +106,8 @@ def offsets_of_all(scans: RigidScans, fits: list[Fit], least: float) -> list[tup
     hoped = [(_hoped(scans, fit), fit) for _, fit in _unlike([(f.criterion(scans), f) for f in fits])]
     tries = list[tuple[float, tuple[Offsets, Fit]]]()
     for hope, fit in _unlike(hoped)[:_TRIED]:
-        if hope < least + _NEAR:
+        foretold = hope - fit.criterion(scans) + fit.cost
+        if hope < least + _NEAR and foretold < _HOPELESS * fit.freedom(scans):
             trial = channel_offsets(scans, fit, none)
             assert trial is not None
             offsets, fewer = without_needless_corners(scans, *trial)
