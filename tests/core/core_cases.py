@@ -35,7 +35,7 @@ from tacstrip.core.polytope import analytic_centre, feasible_part, lowest, minim
 from tacstrip.core.posterior import OutlinePrior, outline_ends, outline_record, sample_outlines
 from tacstrip.core.problem import FitProblem
 from tacstrip.core.regular import sample_regular
-from tacstrip.core.rigid import descend, equations, fit_poses, loss
+from tacstrip.core.rigid import descend, equations, fit_poses, linearised, loss
 from tacstrip.core.search import fit_counts
 from tacstrip.core.solid import patch_sums, solid_gap, solid_yields
 from tacstrip.reconstruction.posterior.regular.placement import Placement
@@ -102,6 +102,7 @@ def rigid_outlines() -> Iterable[ArrayLike]:
     """Corners and poses of one outline in many scans, of both signatures and of k, hard and soft."""
     for construction, lam in (("crs-crs", 0.0), ("crs-crs", 2.0), ("crs-m", 0.0)):
         scans, corners, poses = rigid_scene(construction, lam)
+        yield from vars(linearised(scans, corners, poses)).values()
         for how in (loss(scans), loss(scans, 0.5, 3.0, 0.25)):
             yield from vars(equations(scans, corners, poses, how)).values()
             yield from descend(scans, corners, poses, how)

@@ -15,8 +15,10 @@ from tacstrip.core.rigid import (
     descend,
     equations,
     fit_poses,
+    linearised,
     loss,
     plain_equations,
+    plain_linearised,
     reduced,
     walk,
 )
@@ -42,6 +44,14 @@ def test_equations_are_those_of_numpy(construction: str, lam: float, how: tuple[
         np.testing.assert_allclose(
             getattr(found, name), value, rtol=1e-9, atol=1e-9 * np.abs(value).max(), err_msg=name
         )
+
+
+@pytest.mark.parametrize(("construction", "lam"), SCENES)
+def test_readings_and_their_slopes_are_those_of_numpy(construction: str, lam: float) -> None:
+    scans, corners, poses = rigid_scene(construction, lam)
+    found, plain = linearised(scans, corners, poses), plain_linearised(scans, corners, poses)[0]
+    np.testing.assert_allclose(found.model, plain.model, atol=1e-12)
+    np.testing.assert_allclose(found.rows, plain.rows, rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.parametrize(("construction", "lam"), SCENES)

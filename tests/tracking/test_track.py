@@ -21,7 +21,7 @@ from tacstrip.arrays import FloatArray, plain
 from tacstrip.cli import cli
 from tacstrip.cli.track import _line
 from tacstrip.core.binding import exported
-from tacstrip.core.rigid import RigidScans, descend, fit_poses, linearised, loss
+from tacstrip.core.rigid import RigidScans, descend, fit_poses, linearised, loss, plain_linearised
 from tacstrip.geometry.moments import moments
 from tacstrip.geometry.pose import placed
 from tacstrip.plot.tracks import track_figure
@@ -385,8 +385,8 @@ def test_a_notch_behind_an_overhang_is_as_deep_as_it_likes(turned: bool) -> None
     corners = np.array([(-20.0, -20.0), (20.0, -20.0), (20.0, 20.0), (-20.0, 20.0), (0.0, 4.0), (-20.0, 0.0)])
     poses = sliding(12, turn=1.5 if turned else 0.0) - (0.0, 0.0, 0.3)
     blank = RigidScans(ten_strips(), ("kh", "kl"), np.zeros((12, 2, 10)), 0.003)
-    there = linearised(blank, corners, poses)
-    touched = (blank.x_mm > there.x.min(axis=1)[:, None]) & (blank.x_mm < there.x.max(axis=1)[:, None])
+    there, placed = plain_linearised(blank, corners, poses)
+    touched = (blank.x_mm > placed.x.min(axis=1)[:, None]) & (blank.x_mm < placed.x.max(axis=1)[:, None])
     scans = replace(blank, k=np.where(touched[:, None], there.model, np.nan))
     fit = posed(scans, Fit(corners, poses, np.zeros(12)))
     assert (notch_gain(scans, fit, 3.0) > 9.0) == turned
@@ -627,6 +627,14 @@ def test_offsets_of_channels_are_found_along_with_the_shape() -> None:
     often = np.isfinite(np.stack([s["kh"] for s in scans])).mean(axis=0) > 0.8
     for name, true in zip(("kh", "kl"), off, strict=True):
         assert np.std(one.offsets[name][often] - true[often]) < 0.5 * np.std(true[often])
+
+
+@pytest.mark.parametrize("number", [2, 3])
+def test_neither_round_corners_nor_more_of_them_take_offsets_up(number: int) -> None:
+    of = scene("offsets", 856, number)
+    (one,) = ts.track(of.scans, of.unit.sensor, of.told)
+    assert of.outline is not None
+    assert (one.kind, len(one.outline)) == ("polygon", len(of.outline))
 
 
 def test_corners_on_many_strips_are_counted_once_offsets_are_known(monkeypatch: pytest.MonkeyPatch) -> None:

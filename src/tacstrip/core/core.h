@@ -403,6 +403,11 @@ EXPORTED double tacstrip_rigid_equations(const Scans *scans, const Loss *loss, c
                                          const double *poses, double *pose, double *mixed, double *shape,
                                          double *pose_slope, double *shape_slope, double *costs);
 
+/* Write what strips `first` to `last` - 1 read of corners (count, 2) [mm] at poses (scans, 3), model (scans, signatures, strips),
+   and how that changes with pose and corners, rows (scans, signatures, strips, 3 + 2 count); the other strips stay as they are. */
+EXPORTED void tacstrip_rigid_linearised(const Scans *scans, const double *corners, Int count, const double *poses, Int first,
+                                        Int last, double *model, double *rows);
+
 /* Move poses (scans, starts, 3) downhill, each by itself, and write what they cost, costs (scans, starts). */
 EXPORTED void tacstrip_rigid_poses(const Scans *scans, const Loss *loss, const double *corners, Int count, double *poses,
                                    Int starts, Int steps, double *costs);

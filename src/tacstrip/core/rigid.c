@@ -152,6 +152,42 @@ double tacstrip_rigid_equations(const Scans *s, const Loss *loss, const double *
   return rigid_equations(s, loss, corners, count, poses, INFINITE, &n, costs);
 }
 
+static void add_row(double *row, double by, const Crossing *c, const double *by_pose, const double *by_corner) {
+  for (int i = 0; i < 3; i++) row[i] += by * by_pose[i];
+  add_pair(row + 3 + 2 * c->from, by, by_corner);
+  add_pair(row + 3 + 2 * c->to, by, by_corner + 2);
+}
+
+void tacstrip_rigid_linearised(const Scans *s, const double *corners, Int count, const double *poses, Int first, Int last,
+                               double *model, double *rows) {
+  Int size = 3 + 2 * count;
+  double low_pose[3], low_corner[4], high_pose[3], high_corner[4], by_l, by_u;
+  CHECK(3 <= count && count <= RIGID_CORNERS && 0 <= first && last <= s->strips);
+  for (Int scan = 0; scan < s->scans; scan++) {
+    const double *pose = poses + 3 * scan;
+    Posed p;
+    place(corners, count, pose, &p);
+    for (Int begin = first; begin < last; begin += AT_A_TIME) {
+      Int strips = last - begin < AT_A_TIME ? last - begin : AT_A_TIME;
+      Crossing low[AT_A_TIME], high[AT_A_TIME];
+      cross(&p, count, s->x + begin, strips, s->pitch, low, high);
+      for (Int i = 0; i < strips; i++) {
+        Ends e = ends_of(s, &low[i], &high[i]);
+        slopes(&p, pose, &low[i], low_pose, low_corner);
+        slopes(&p, pose, &high[i], high_pose, high_corner);
+        for (Int signature = 0; signature < s->signatures; signature++) {
+          Int at = (scan * s->signatures + signature) * s->strips + begin + i;
+          double *row = rows + size * at;
+          model[at] = reading(s, s->share[signature], &e, &by_l, &by_u);
+          clear(row, size);
+          add_row(row, by_l * e.held_l, &low[i], low_pose, low_corner);
+          add_row(row, by_u * e.held_u, &high[i], high_pose, high_corner);
+        }
+      }
+    }
+  }
+}
+
 /* One scan's pose by itself. */
 static double descend_pose(const Scans *s, const Loss *loss, Int scan, const double *corners, Int count, double *pose,
                            Int steps) {

@@ -128,22 +128,44 @@ static inline void add_loss(const Loss *loss, double residual, double *weight, C
   cost->product = 1.0;
 }
 
+/* Ends of a contact on a strip over its length, and what readings follow from them by. */
+typedef struct {
+  double l, u, t, mix, over;
+  int held_l, held_u; /* on the strip, not beyond its ends */
+} Ends;
+
+static inline Ends ends_of(const Scans *s, const Crossing *low, const Crossing *high) {
+  Ends e;
+  e.l = clip(low->y / s->length, 0.0, 1.0);
+  e.u = clip(high->y / s->length, 0.0, 1.0);
+  e.held_l = low->y > 0.0 && low->y < s->length;
+  e.held_u = high->y > 0.0 && high->y < s->length;
+  double w = e.u - e.l, h = s->lam > 0.0 ? hyperbolic_tangent(w / (2.0 * s->lam)) : 0.0;
+  e.t = s->lam * h;
+  e.mix = s->lam > 0.0 ? 0.5 * (1.0 - h * h) : 0.0;
+  e.over = 1.0 / larger(1.0 - s->narrow * (w - 2.0 * e.t), LEAST_D);
+  return e;
+}
+
+/* What a strip reads, and its slopes by the heights of both crossings [1/mm], were these not beyond its ends. */
+static inline double reading(const Scans *s, double share, const Ends *e, double *by_l, double *by_u) {
+  double model = ((1.0 - share) * (e->l + e->t) + share * (e->u - e->t)) * e->over, keep = 1.0 - e->mix;
+  double by_low = (1.0 - share - s->narrow * model) * e->over, by_high = (share + s->narrow * model) * e->over;
+  *by_l = (by_low * keep + by_high * e->mix) / s->length;
+  *by_u = (by_high * keep + by_low * e->mix) / s->length;
+  return model;
+}
+
 /* Add what the readings of one strip cost. */
 static inline void strip(const Scans *s, const Loss *loss, const double *k, Int stride, const Crossing *low,
                          const Crossing *high, double *terms, Cost *cost) {
-  double l = clip(low->y / s->length, 0.0, 1.0), u = clip(high->y / s->length, 0.0, 1.0), w = u - l;
-  double held_l = low->y > 0.0 && low->y < s->length, held_u = high->y > 0.0 && high->y < s->length;
-  double h = s->lam > 0.0 ? hyperbolic_tangent(w / (2.0 * s->lam)) : 0.0, t = s->lam * h;
-  double mix = s->lam > 0.0 ? 0.5 * (1.0 - h * h) : 0.0, keep = 1.0 - mix;
-  double over = 1.0 / larger(1.0 - s->narrow * (w - 2.0 * t), LEAST_D);
+  Ends e = ends_of(s, low, high);
   double variance = s->sigma * s->sigma, weight = 1.0 / variance, root = sqrt(weight);
   for (int i = 0; i < 5; i++) terms[i] = 0.0;
   for (Int row = 0; row < s->signatures; row++) {
-    double read = k[row * stride], share = s->share[row];
+    double read = k[row * stride], by_l, by_u;
     if (!(read == read)) continue;
-    double model = ((1.0 - share) * (l + t) + share * (u - t)) * over;
-    double by_low = (1.0 - share - s->narrow * model) * over, by_high = (share + s->narrow * model) * over;
-    double by_l = (by_low * keep + by_high * mix) / s->length, by_u = (by_high * keep + by_low * mix) / s->length;
+    double model = reading(s, s->share[row], &e, &by_l, &by_u);
     if (loss->tolerance > 0.0) {
       double rough_l = 1.0 + smaller(low->slope * low->slope, STEEPEST);
       double rough_u = 1.0 + smaller(high->slope * high->slope, STEEPEST);
@@ -152,8 +174,8 @@ static inline void strip(const Scans *s, const Loss *loss, const double *k, Int 
     }
     double residual = read - model, own = weight;
     add_loss(loss, residual * root, &own, cost);
-    by_l *= held_l;
-    by_u *= held_u;
+    by_l *= e.held_l;
+    by_u *= e.held_u;
     terms[0] += own * by_l * by_l;
     terms[1] += own * by_l * by_u;
     terms[2] += own * by_u * by_u;

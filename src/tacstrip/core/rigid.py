@@ -304,13 +304,31 @@ class Linearised:
 
     model: FloatArray
     rows: FloatArray  # dk by the pose (3) and the corners (2 N)
-    edges: FloatArray  # dk by a shift of the lower and of the upper edge across itself, squared
+
+
+@dataclass(frozen=True)
+class Placed:
+    """What else follows of posed corners."""
+
+    edges: FloatArray  # dk by a shift of the lower and of the upper edge across itself, squared (T, S, n)
     x: FloatArray  # of the corners (T, N) [mm]
     y: FloatArray
 
 
 def linearised(scans: RigidScans, corners: FloatArray, poses: FloatArray) -> Linearised:
     """Return what strips read of corners (N, 2) at poses (T, 3)."""
+    core, reached = exported("rigid_linearised"), scans.reached
+    if core is None or len(corners) > RIGID_CORNERS:
+        return plain_linearised(scans, corners, poses)[0]
+    found = Linearised(np.zeros(scans.k.shape), np.zeros((*scans.k.shape, 3 + corners.size)))
+    corners, poses = np.ascontiguousarray(corners), np.ascontiguousarray(poses)
+    where = (at(corners), len(corners), at(poses), reached.start, reached.stop)
+    core(scans.compiled, *where, at(found.model), at(found.rows))
+    return found
+
+
+def plain_linearised(scans: RigidScans, corners: FloatArray, poses: FloatArray) -> tuple[Linearised, Placed]:
+    """Do as `linearised`, all scans and strips at once."""
     sensor, length = scans.sensor, scans.sensor.length_mm
     cos, sin = np.cos(poses[:, 2])[:, None], np.sin(poses[:, 2])[:, None]
     x = cos * corners[:, 0] - sin * corners[:, 1] + poses[:, :1]  # (T, N)
@@ -339,7 +357,7 @@ def linearised(scans: RigidScans, corners: FloatArray, poses: FloatArray) -> Lin
     for part in (models, rows, edges):
         every.append(np.zeros((*scans.k.shape, *part[0].shape[2:])))
         every[-1][:, :, scans.reached] = np.stack(part, axis=1)
-    return Linearised(every[0], every[1], every[2], x, y)
+    return Linearised(every[0], every[1]), Placed(every[2], x, y)
 
 
 def linearised_blocks(
@@ -356,7 +374,7 @@ def plain_equations(scans: RigidScans, corners: FloatArray, poses: FloatArray, h
     size, there = 2 * len(corners), np.isfinite(scans.k)
     touched = np.asarray(there.any(axis=1))  # (T, n)
     cos, sin = np.cos(poses[:, 2])[:, None], np.sin(poses[:, 2])[:, None]
-    at_poses = linearised(scans, corners, poses)
+    at_poses, placed = plain_linearised(scans, corners, poses)
     pose, mixed = np.zeros((len(poses), 3, 3)), np.zeros((len(poses), 3, size))
     shape, slope, costs = np.zeros((size, size)), np.zeros((len(poses), 3 + size)), np.zeros(len(poses))
 
@@ -375,10 +393,10 @@ def plain_equations(scans: RigidScans, corners: FloatArray, poses: FloatArray, h
         slope = slope + np.einsum("tmi,tm->ti", rows, weight * np.where(used, residual, 0.0))
 
     for row in range(len(scans.names)):
-        variance = scans.sigma**2 + how.tolerance**2 * at_poses.edges[:, row]
+        variance = scans.sigma**2 + how.tolerance**2 * placed.edges[:, row]
         add(at_poses.rows[:, row], scans.k[:, row] - at_poses.model[:, row], variance, there[:, row])
     for right in (False, True):
-        rows, residual, used = _gap(scans, at_poses.x, at_poses.y, cos, sin, poses, touched, right)
+        rows, residual, used = _gap(scans, placed.x, placed.y, cos, sin, poses, touched, right)
         add(rows, residual, np.full(residual.shape, how.end**2), used)
     return Equations(pose, mixed, shape, slope[:, :3].copy(), slope[:, 3:].sum(axis=0), costs)
 

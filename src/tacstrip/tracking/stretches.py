@@ -137,10 +137,10 @@ def _searched(
     quick = () if thorough else (ended,)
     one = Object(episode.scans, episode.joint, episode.runs, every, found, begun=quick)
     # live shapes are polygons; offsets may be made of what a polygon leaves of a curve
-    for scans in (raw, every) if offsets and fit.basis is None else ():
-        curve = rigid_curve(scans, fit, few, read.distribution)
+    for scans, known in ((raw, None), (every, ended.offsets)) if offsets and fit.basis is None else ():
+        beside = None if known else ended.offsets  # of the polygon alone
+        curve = rigid_curve(scans, fit, few, read.distribution, beside)
         if curve is not None:
-            known = None if scans is raw else ended.offsets
             return replace(one, scans=scans, found=replace(found, offsets=known), curve=curve)
         if ended.offsets is None:
             break

@@ -15,7 +15,7 @@ from tacstrip.geometry.moments import area, moments, principal_angle
 from tacstrip.tracking.rigid.corners import FEWEST, PLACES, Fit, edges_removed, posed, reflex
 from tacstrip.tracking.rigid.covariance import information, of_numbers
 from tacstrip.tracking.rigid.found import within_noise
-from tacstrip.tracking.rigid.offsets import Offsets, not_ruled_out, with_offsets
+from tacstrip.tracking.rigid.offsets import Offsets, not_ruled_out, taken_off, with_offsets
 from tacstrip.tracking.rigid.search import FEW_STRIPS
 from tacstrip.tracking.rigid.smooth_path import centres
 from tacstrip.tracking.rigid.turns import cost_at_all_angles
@@ -113,7 +113,9 @@ class RigidCurve:
         return by @ own_numbers @ by.T, inverse + follow @ spread @ follow.transpose(0, 2, 1)
 
 
-def rigid_curve(scans: RigidScans, start: Fit, chosen: IntArray, distribution: str) -> RigidCurve | None:
+def rigid_curve(
+    scans: RigidScans, start: Fit, chosen: IntArray, distribution: str, offsets: Offsets | None = None
+) -> RigidCurve | None:
     """Return the curved outline that explains the scans better than a polygon does; None where none does.
 
     A disc may leave more than noise where the polygon does not: its angles take noise up.
@@ -126,6 +128,8 @@ def rigid_curve(scans: RigidScans, start: Fit, chosen: IntArray, distribution: s
         Scans that the outline is fitted to (K,); the others have their poses fitted.
     distribution
         Of the readings' errors.
+    offsets
+        Of channels, that the polygon explains the readings with; the curved outline has none.
     """
     explained, few = within_noise(start.costs, start.freedom(scans), distribution), scans.of(chosen)
     tries = _rounded(scans, start, chosen)
@@ -134,8 +138,8 @@ def rigid_curve(scans: RigidScans, start: Fit, chosen: IntArray, distribution: s
     good = [o for o in tries if o.explains(scans, distribution) or (explained and o.kind == DISC)]
     if explained and good:
         polygon = start.of(chosen)
-        numbers = polygon.criterion(few) - polygon.cost
-        most = cost_at_all_angles(few, polygon) + numbers - _PRICE
+        numbers = polygon.criterion(few) - polygon.cost + (offsets.cost if offsets else 0.0)
+        most = cost_at_all_angles(taken_off(few, offsets), polygon) + numbers - _PRICE
     else:
         most = math.inf
     least, best = min(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -14,9 +15,15 @@ from tacstrip.tracking.rigid.covariance import UPRIGHT, information, of_numbers,
 _FEWEST = 12  # scans that tell an offset from a shape
 _FIRST, _LEAST, _MOST = 0.002, 0.0003, 0.01  # deviation of offsets [Vref]: the first guess, and its limits
 _ROUNDS = 4  # of offsets and fit in turn
-_EVIDENCE = 3.0  # twice the logarithm of how much likelier the readings are with offsets than without
+EVIDENCE = 3.0  # twice the logarithm of how much likelier the readings are with offsets than without
 _RULED_OUT = -6.0  # likewise: odds of 1:20 against offsets
+# Fits that offsets are fitted along with; how far above the best criterion these may be, before and after; and what
+# differs by less is one outline.
+_TRIED, _NEAR, _ALIKE = 4, 8.0, 0.1
+_HOPELESS = 2.0  # times the freedom, foretold: what is not rigid
 _DAMPING = 1e-4
+
+_T = TypeVar("_T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,8 +90,48 @@ def channel_offsets(
         deviation = float(np.sqrt((own**2 + spread).mean()))
         deviation = min(max(deviation, _LEAST), _MOST)
     found_now = Offsets(values, prior, price, float((1.0 - spread / prior**2).sum()))
-    asked_for = known or before - fit.cost - found_now.cost > _EVIDENCE
+    asked_for = known or before - fit.cost - found_now.cost > EVIDENCE
     return (found_now, fit) if asked_for else None
+
+
+def offsets_of_all(scans: RigidScans, fits: list[Fit], least: float) -> list[tuple[Offsets, Fit]]:
+    """Return offsets and fits, of any number of corners, that explain the readings best together, the best first.
+
+    Corners take offsets up: a fit that explains the readings with too many asks for none, those of fewer do. None where
+    all are far above the `least` criterion without offsets, or leave far more of the readings than noise does.
+    """
+    if len(scans.k) < _FEWEST:
+        return []
+    none = Offsets(np.zeros(scans.k.shape[1:]), _FIRST)
+    hoped = [(_hoped(scans, fit), fit) for _, fit in _unlike([(f.criterion(scans), f) for f in fits])]
+    tries = list[tuple[float, tuple[Offsets, Fit]]]()
+    for hope, fit in _unlike(hoped)[:_TRIED]:
+        foretold = hope - fit.criterion(scans) + fit.cost
+        if hope < least + _NEAR and foretold < _HOPELESS * fit.freedom(scans):
+            trial = channel_offsets(scans, fit, none)
+            assert trial is not None
+            offsets, fewer = without_needless_corners(scans, *trial)
+            tries.append((fewer.criterion(scans) + offsets.cost, (offsets, fewer)))
+    tries = _unlike(tries)
+    if tries and tries[0][0] > least:  # one that comes close may, once it is settled, be better
+        tries = tries[:1]
+    return [t for criterion, t in tries if criterion < min(tries[0][0], least) + _NEAR]
+
+
+def _unlike(fits: list[tuple[float, _T]]) -> list[tuple[float, _T]]:
+    """Return what several turns ended in once, by its criterion, the best first."""
+    kept = list[tuple[float, _T]]()
+    for criterion, fit in sorted(fits, key=lambda f: f[0]):
+        if not kept or criterion > kept[-1][0] + _ALIKE:
+            kept.append((criterion, fit))
+    return kept
+
+
+def _hoped(scans: RigidScans, fit: Fit) -> float:
+    """Return what the criterion of a fit becomes once offsets are fitted along, as far as that is linear."""
+    known_of, asked = _alone(scans, fit, np.zeros(scans.k.shape[1:]), _FIRST)
+    price = float(np.linalg.slogdet(_FIRST**2 * known_of)[1])
+    return fit.criterion(scans) - float(asked @ np.linalg.solve(known_of, asked)) + price
 
 
 def _alone(

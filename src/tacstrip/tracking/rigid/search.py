@@ -26,7 +26,14 @@ from tacstrip.tracking.rigid.corners import (
 )
 from tacstrip.tracking.rigid.covariance import following
 from tacstrip.tracking.rigid.found import WORTH_SETTLING, Found, carried, content
-from tacstrip.tracking.rigid.offsets import channel_offsets, taken_off, without_needless_corners
+from tacstrip.tracking.rigid.offsets import (
+    EVIDENCE,
+    Offsets,
+    channel_offsets,
+    offsets_of_all,
+    taken_off,
+    without_needless_corners,
+)
 from tacstrip.tracking.rigid.smooth_path import one_after_another, spline_basis
 from tacstrip.tracking.rigid.starts import (
     FEW_A_SCAN,
@@ -57,6 +64,7 @@ _BASINS = 24  # polygons of all turns that are settled for rivals
 _WITHIN = 8.0  # of the best criterion: fits that explain the readings as well
 _WITHIN_KINKS = 16.0  # likewise of concave ones, which seldom come to rest at their least cost
 _NO_OFFSETS = 50.0  # times the freedom: offsets do not explain so much
+_SURE_OFFSETS = 60.0  # of the criterion: no other count of corners makes up for so much
 
 
 def search(
@@ -197,31 +205,63 @@ def _with_offsets(
 ) -> Found:
     """Return the polygon that rough outlines become, of readings without what the channels are off.
 
-    Of many strips its corners are counted only once it is known what the channels are off.
+    Its corners are counted once it is known what the channels are off, and without that where they may do without.
     """
     scans = starts.scans
     fits = _polygons(starts, scans, turns, distribution, tied)
     best = min(fits, key=lambda f: f.criterion(scans))
+    wanted &= best.cost < _NO_OFFSETS * best.freedom(scans)
+    asked = _asked_for(starts, turns, best) if wanted and not tied else []
     # Corners and offsets explain the same where few strips are touched, and need not where either may do without.
     compete = not wanted or scans.strips_touched < FEW_STRIPS or content(scans, best, distribution)
+    compete &= not asked or _criterion(scans, *asked[0]) > best.criterion(scans) - _SURE_OFFSETS
     without = _compared(scans, fits, distribution) if compete else Found(best, np.arange(len(scans.k)))
-    wanted &= without.fit.cost < _NO_OFFSETS * without.fit.freedom(scans)
-    asked = channel_offsets(scans, without.fit) if wanted else None
-    if asked is None or asked[1].cost > WORTH_SETTLING * asked[1].freedom(scans):  # it is not offsets, then
+    if asked and _criterion(scans, *asked[0]) > without.criterion(scans) - EVIDENCE:
+        asked = []
+    if wanted and not asked and (alone := channel_offsets(scans, without.fit)) is not None:
+        asked = [alone]
+    # else it is not offsets
+    if not asked or asked[0][1].cost > WORTH_SETTLING * asked[0][1].freedom(scans):
         return replace(without if compete else _compared(scans, fits, distribution), starts=starts)
-    offsets, _ = without_needless_corners(scans, *asked)
-    fits = _polygons(starts, taken_off(scans, offsets), turns, distribution, tied)
-    fits.sort(key=lambda f: f.criterion(scans))
-    if compete:
-        found = _compared(taken_off(scans, offsets), fits, distribution)
-        fits = [found.fit, *(f for f, _ in found.rivals)]
-    asked = channel_offsets(scans, fits[0], offsets)
+    offsets, fit = without_needless_corners(scans, *asked[0])
+    rest = taken_off(scans, offsets)
+    others = [one for _, one in asked[1:]] or _polygons(starts, rest, turns, distribution, tied)
+    counted = _compared(rest, [fit, *others], distribution)
+    free = replace(_with_offsets_again(scans, counted, offsets, distribution), starts=starts)
+    return likelier(scans, free, without, distribution)
+
+
+def _asked_for(starts: Starts, turns: list[int], without: Fit) -> list[tuple[Offsets, Fit]]:
+    """Return offsets and fits of all scans that polygons of all counts become along with them, the best first.
+
+    None where the fit without offsets explains the readings far better.
+    """
+    scans, chosen, ends = starts.scans, starts.chosen, list[tuple[Offsets, Fit]]()
+    least = without.of(chosen).criterion(starts.few)
+    for offsets, fit in offsets_of_all(starts.few, starts.pruned(turns), least):
+        end = channel_offsets(scans, _on_all(taken_off(scans, offsets), chosen, fit), offsets)
+        assert end is not None
+        ends.append(end)
+    return sorted(ends, key=lambda end: _criterion(scans, *end))
+
+
+def _with_offsets_again(scans: RigidScans, found: Found, offsets: Offsets, distribution: str) -> Found:
+    """Return what was found of readings without offsets, with these as its outline asks for them."""
+    asked = channel_offsets(scans, found.fit, offsets)
     assert asked is not None
     offsets, best = without_needless_corners(scans, *asked)
     rest = taken_off(scans, offsets)
-    again = [settled(rest, fitted(rest, f.corners, f.poses, basis=f.basis)) for f in (best, *fits)]
-    free = replace(_compared(rest, again, distribution), offsets=offsets, starts=starts)
-    return likelier(scans, free, without, distribution)
+    rivals = [found.fit, *(fit for fit, _ in found.rivals)]
+    fits = [settled(rest, fitted(rest, f.corners, f.poses, basis=f.basis)) for f in (best, *rivals)]
+    best = min(fits, key=lambda f: f.criterion(rest))
+    counted = len(best.corners) == len(found.fit.corners)
+    again = _among(rest, best, fits, distribution) if counted else _compared(rest, fits, distribution)
+    return replace(again, offsets=offsets)
+
+
+def _criterion(scans: RigidScans, offsets: Offsets, fit: Fit) -> float:
+    """Return what fits with offsets are compared by."""
+    return fit.criterion(scans) + offsets.cost
 
 
 def likelier(scans: RigidScans, a: Found, b: Found, distribution: str) -> Found:
@@ -328,14 +368,21 @@ def _compared(scans: RigidScans, fits: list[Fit], distribution: str, within: flo
     if best.cost < WORTH_SETTLING * best.freedom(scans):
         best, counts = recounted(scans, best)
         every += counts
-        concave = bool(reflex(best.corners).any())
-        if concave or scans.strips_touched < FEW_STRIPS:
+        if reflex(best.corners).any() or scans.strips_touched < FEW_STRIPS:
             first, *others = explored(scans, best)
             best, counts = recounted(scans, first) if first is not best else (best, [])
             every = [*every, *others, *counts]
-            within = _WITHIN_KINKS if concave else within
+    return _among(scans, best, every, distribution, within)
+
+
+def _among(
+    scans: RigidScans, best: Fit, fits: list[Fit], distribution: str, within: float = _WITHIN
+) -> Found:
+    """Return the best fit with those among fits that are about as good."""
+    if best.cost < WORTH_SETTLING * best.freedom(scans) and reflex(best.corners).any():
+        within = _WITHIN_KINKS
     rivals = list[tuple[Fit, float]]()
-    for fit in sorted(every, key=lambda f: f.criterion(scans)):
+    for fit in sorted(fits, key=lambda f: f.criterion(scans)):
         worse = fit.criterion(scans) - best.criterion(scans)
         unlike = not any(_same(fit, f) for f in (best, *(r for r, _ in rivals)))
         if worse <= within and unlike and content(scans, fit, distribution):
