@@ -17,6 +17,7 @@ from tacstrip.io.log_import.fields import is_prose
 from tacstrip.io.log_import.gathered import touched_vary
 from tacstrip.io.log_import.literals import literal, literals
 from tacstrip.io.log_import.names import meaning
+from tacstrip.io.log_import.nested import regular
 from tacstrip.io.log_import.strays import numbered
 from tacstrip.io.log_import.table import CLOCK, Table, flattened, of_records, said_above
 from tacstrip.io.log_import.xml_records import of_xml
@@ -67,10 +68,14 @@ def of_values(
     value: Any, path: str | Path, told: str = "records in JSON", *, numbered: bool = False
 ) -> Table | None:
     """Return records, lists or an object of columns as a table; None where they are none. Perhaps with their lines."""
-    above: tuple[str, ...] = ()
+    if numbered:
+        rows_, above = regular([row for _, row in value])
+        value = [(i, row) for (i, _), row in zip(value, rows_, strict=True)]
+    else:
+        value, above = regular(value)
     found = value if numbered else list(enumerate(_rows_of(_named_within(value) or value), 1))
     if not numbered and isinstance(value, dict) and found[0][1] is not value:
-        above = said_above({k: v for k, v in value.items() if not isinstance(v, list)})
+        above += said_above({k: v for k, v in value.items() if not isinstance(v, list)})
     rows = [(i, row) for i, row in found if isinstance(row, list | tuple)]
     if rows and len(rows) == len(found):
         table = _of_lists(rows)
@@ -259,6 +264,10 @@ def _rows_of(value: Any) -> list[Any]:
     if columns := columns_within(value):
         return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
     value = _with_names(value) if isinstance(value, dict) else value
+    parts = _unfolded("", value) if isinstance(value, dict) else {}
+    tables = [v for v in parts.values() if isinstance(v, list) and len(v) > 1 and all(isinstance(r, dict) for r in v)]
+    if len(tables) == 1 == sum(isinstance(v, list) for v in parts.values()):
+        return tables[0]
     lists = {k: v for k, v in value.items() if isinstance(v, list)} if isinstance(value, dict) else {}
     tables = [v for v in lists.values() if v and all(isinstance(r, dict) for r in v)]
     if len(tables) == 1 and len(lists) == 1 and len(tables[0]) > 1:
