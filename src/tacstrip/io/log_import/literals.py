@@ -43,7 +43,7 @@ def literal(text: str, *, words: bool = False) -> Any:
     head = _ASSIGNED.match(text)
     if not head or text.count("[") + text.count("(") > _DEEPEST + len(text) // 4:
         return None
-    if ":" not in text and "{" in text:  # as in C
+    if ":" not in text and re.search(r"\{\s*[^\s}]", text):  # as in C
         text = re.sub(r"(?<=\d)[fF]\b", "", text.translate({123: 91, 125: 93}))
         head = _ASSIGNED.match(text) or head
     try:
