@@ -204,7 +204,7 @@ def _at_an_end(clues: Clues, values: FloatArray, rest: list[float]) -> list[str]
         told = f"{100 * there.mean():.0f} % of the readings are exactly {end:g}, and no other is near"
         if values.shape[2] == 2 and (there[:, :, 0] == there[:, :, 1]).all():
             told = f"{end:g} stands for no contact: both channels of a strip have it at once, and none alone"
-        elif values.shape[2] == 1 and end == 0.0 and _is_alone(values, end) and there.all(axis=(1, 2)).any():
+        elif values.shape[2] == 1 and _is_alone(values, end) and there.all(axis=(1, 2)).any():
             told += ", and strips without it lie side by side: it stands for no contact"
         else:
             told += ": does it stand for no contact, or is it a reading (none)?"

@@ -91,6 +91,7 @@ def of_runs(text: str) -> Table | None:
     first = min({*best} - {*cut})
     odd = [(n, line) for n, line in every if n > first and n not in best]
     numeric = [n for n, line in odd if _may_be_cut(line, label, form[0])]
+    numeric += [n for n, line in every if n < first and _holds_strips(line, label, usual)]
     broken = sorted({*numeric, *cut, *strange})
     if len(best) - len(cut) < max(_FEW, (1.0 - _USUAL) * (len(best) + len(numeric))):
         return None
@@ -159,6 +160,13 @@ def _may_be_cut(line: str, word: str, form: str) -> bool:
         )
         or not re.search(r"[^\W\d_]{2}", line)
     )
+
+
+def _holds_strips(line: str, word: str, usual: Sequence[str]) -> bool:
+    """Return whether a line has the labels of the usual strips, and numbers behind some, whatever stands between."""
+    form = _LABEL if word else _BARE
+    found = [m["strip"] for m in form.finditer(line) if m["word"] == word and m["sign"].strip()]
+    return found == [*usual] and bool(re.search(r"\d", form.sub("", line[line.index(found[0]) :])))
 
 
 def _parsed(line: str, word: str, fewest: int = 2) -> _Line | None:

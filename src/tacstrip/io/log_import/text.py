@@ -41,6 +41,7 @@ from tacstrip.io.log_import.statements import untouched_said
 from tacstrip.io.log_import.strays import numbered, with_retries, without, without_messages
 from tacstrip.io.log_import.table import Table
 from tacstrip.io.log_import.thousands import without_thousands
+from tacstrip.io.log_import.wrapped import unwrapped
 
 _COMMENT = ("#", "%", "//", "!")
 _REMARK = re.compile(r"(;|!|//)\s*[^\s;].*")  # above a table
@@ -70,7 +71,7 @@ def of_text(text: str, path: str | Path = "the log") -> Table:
         )
     head, mark, rest = text.rpartition("***End_of_Header***")  # of LabVIEW: its numbers are no readings
     text = re.sub(r"(?m)^(?=.*\S)", "# ", head + mark) + rest
-    text = _with_marks_of_nothing(_with_one_mark(text))
+    text = _with_marks_of_nothing(_with_one_mark(unwrapped(text)))
     table = with_retries(text, lambda strays: _with_lines(_announced(text, path, strays), text))
     return replace(table, of_content=lambda strips, channels: content_of(text, strips, channels))
 
