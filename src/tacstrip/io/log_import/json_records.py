@@ -235,6 +235,8 @@ def _json(text: str, path: str | Path) -> tuple[list[tuple[int, Any]] | None, li
     except RecursionError:
         raise ReadingError(f"{path}: JSON of too many levels") from None
     except ValueError:
+        if isinstance(whole := literal(text), list | tuple) and len(whole) > 1:
+            return list(enumerate(whole, 1)), []
         for number, line in enumerate(plain.splitlines(), 1):
             try:
                 found += [(number, json.loads(line.rstrip().rstrip(",")))] if line.strip() else []

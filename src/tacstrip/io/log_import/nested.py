@@ -33,7 +33,7 @@ def regular(value: Any) -> tuple[Any, tuple[str, ...]]:
     [{'host': 'a', 't': 0, 'h': 5}, {'host': 'b', 't': 1, 'h': 6}]
     """
     value = _unpacked(value)
-    lists = [v for v in _lists_of(value) if len({*v}) == len(v) > 1 and all(isinstance(e, str) for e in v)]
+    lists = [v for v in _lists_of(value) if all(isinstance(e, str) for e in v) and len({*v}) == len(v) > 1]
     form = _Form([v for v in lists if not any(meaning(e).role for e in v if len(e) > 1)])
     return form.of([value])[0], tuple(form.told)
 

@@ -146,12 +146,12 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     ]
     bounded = "what stands behind \u00b1: no readings, passed over" if bounds > 1 else ""
     messages = "; ".join(filter(None, [messages, bounded]))
-    dialect = of_dialect(text, str(path))
-    if dialect is None and (labelled := of_runs(text)) is not None:
+    structured = of_dialect(text, str(path)) or of_literals(text, path)
+    if structured is None and (labelled := of_runs(text)) is not None:
         labelled = replace(labelled, remarks=(*filter(None, [messages]), *labelled.remarks))
         return in_normal_form(without_cut_end(labelled, text))
     text = with_labels(with_channel_names(of_sent(without_prefix(text))))
-    if (table := dialect or of_literals(text, path)) is not None:
+    if (table := structured or of_literals(text, path)) is not None:
         return in_normal_form(replace(table, remarks=(*filter(None, [messages]), *table.remarks)))
     # The empty lines in between tell where blocks begin.
     every = [(i, line) for i, line in enumerate(re.split(r"\r\n|\r\r\n|\n|\r", text), 1)]

@@ -12,7 +12,7 @@ from tacstrip.io.log_import.fields import clock_seconds, number_of
 from tacstrip.io.log_import.names import meaning
 from tacstrip.io.log_import.records import STEADY
 
-_TEXT = re.compile(r"message|msg|log|line|text|body|payload|data|event", re.IGNORECASE)
+_TEXT = re.compile(r"_?(?:message|msg|log|line|text|body|payload|data|event)", re.IGNORECASE)
 _TIME = re.compile(r"time|date|(?:\b|_)ts\b", re.IGNORECASE)
 _NUMBER = re.compile(r"\d+(?:\.\d+)?")
 _EPOCH, _STEPS, _PARTS = 1e9, 3, 1000.0  # seconds since 1970, or thousandths of one, or thousandths of these, ...
@@ -36,7 +36,7 @@ def unwrapped(text: str) -> str:
     if not records:
         return text
     names = dict.fromkeys(k for r in records for k in r)
-    of_text = [n for n in names if _TEXT.search(n) and _hold_lines([r.get(n) for r in records])]
+    of_text = [n for n in names if _TEXT.fullmatch(n) and _hold_lines([r.get(n) for r in records])]
     others = [n for n in names if n not in of_text and meaning(n).role in ("reading", "strip")]
     if len(of_text) != 1 or others:
         return text
