@@ -36,6 +36,26 @@ def without_cut_end(table: Table, text: str) -> Table:
     return replace(table, rows=table.rows[:-1], lines=table.lines[:-1], broken=broken)
 
 
+def without_cut_units(table: Table) -> Table:
+    """Return a table whose rows are broken that end in a number without the unit that all others in it have.
+
+    Examples
+    --------
+    >>> rows = [["51.2%", "49.1%"]] * 30 + [["51.2%", "49"]]
+    >>> without_cut_units(Table(("h", "l"), rows, [*range(31)])).broken
+    (30,)
+    """
+    number = re.compile(rf"[-+]?\d+(?:{re.escape(table.decimal)}\d*)?\s?(%|[m\u00b5]?V)?")
+    ends = [next((cell for cell in reversed(row) if cell), "") for row in table.rows]
+    found = [number.fullmatch(cell) for cell in ends]
+    units = Counter(m[1] for m in found if m and m[1])
+    cut = [n for n, m in enumerate(found) if m and not m[1]]
+    if len(units) != 1 or not cut or len(cut) > max(1, _RARE * len(table.rows)):
+        return table
+    table = replace(table, broken=tuple(sorted({*table.broken, *(table.lines[n] for n in cut)})))
+    return table.of_rows(n for n in range(len(table.rows)) if n not in cut)
+
+
 def with_cut_lines_doubted(table: Table) -> Table:
     """Return a table with a doubt where lines end within a number: with fewer decimals than all other numbers have.
 

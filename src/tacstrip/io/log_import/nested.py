@@ -90,7 +90,8 @@ class _Form:
             name: self.of([r[name] for r in records if name in r])
             for name in dict.fromkeys(k for r in records for k in r)
         }
-        columns = {k: v for k, v in columns.items() if meaning(str(k)).role or any(e is not None for e in v)}
+        some = {k: v for k, v in columns.items() if meaning(str(k)).role or any(e is not None for e in v)}
+        columns = some or columns
         taken = {k: iter(v) for k, v in columns.items()}
         return _without_wrapper([{k: next(taken[k]) for k in r if k in taken} for r in records])
 

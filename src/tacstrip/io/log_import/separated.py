@@ -21,6 +21,7 @@ from tacstrip.io.log_import.uneven import (
     below_an_index,
     filled_fields,
     in_first_order,
+    names_columns,
     under_more_names,
 )
 
@@ -68,6 +69,9 @@ def separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) -
         ]
     split = [(i, fields_of(line, separator)) for i, line in data]
     split = [(i, row[:-1] if len(row) == width + 1 and not row[-1] else row) for i, row in split]
+    if _have_remarks(split, width):
+        split = [(i, [*row, ""] if len(row) == width else row) for i, row in split]
+        width += 1
     if any(len(row) == width and are_remarks(row[-1:]) for _, row in split):  # which are the rest of a line
         split = [
             (i, [*row[: width - 1], f"{separator} ".join(rest)])
@@ -135,6 +139,13 @@ def separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) -
     else:
         table = replace(table, lacking=lacking)
     return in_blocks(table, labels, blank)
+
+
+def _have_remarks(split: list[tuple[int, list[str]]], width: int) -> bool:
+    """Return whether some rows have one field more than the others, of words, below a name such as "Comment"."""
+    longer = [row for _, row in split if len(row) == width + 1]
+    rows = [row for row in longer if not is_value(row[-1], ".") and not names_columns(row)]
+    return bool(rows) and any(names_columns(row) and are_remarks(row[-1:]) for row in longer)
 
 
 def _names_said(line: str, width: int, separator: str) -> str:

@@ -17,7 +17,7 @@ from tacstrip.io.log_import.channel_names import (
     with_channel_names,
 )
 from tacstrip.io.log_import.conversion import resolutions
-from tacstrip.io.log_import.cut import with_cut_lines_doubted, without_cut_end
+from tacstrip.io.log_import.cut import with_cut_lines_doubted, without_cut_end, without_cut_units
 from tacstrip.io.log_import.delimiters import of_sent, without_prefix
 from tacstrip.io.log_import.dialects import of_dialect
 from tacstrip.io.log_import.envelope import (
@@ -58,12 +58,17 @@ _FORMULA = re.compile(r"=\s*\d+\s*[*+]\s*\(?[A-Za-z]")  # as "ch = 2*strip"
 _LINE_END = re.compile(
     r"(?m)(?:<CR>|<LF>|\[CR\]|\[LF\]|<0[DA]>|\[0[DA]\]|\\r|\\n|\u240d|\u240a)+(?=\r?$)"
 )  # as monitors show it
+# Between a word in Chinese, Japanese or Korean and one in Latin letters, as a unit, there may be no space.
+_ASIAN = re.compile(
+    r"(?<=[\u3040-\u30ff\u3400-\u9fff\uac00-\ud7af])(?=[A-Za-z])"
+    r"|(?<=[A-Za-z])(?=[\u3040-\u30ff\u3400-\u9fff\uac00-\ud7af])"
+)
 _ENDLESS = re.compile(r"(?<!\w)\w{10000}|[\[({]{1000}")  # the time of many patterns grows with its square
 
 
 def of_text(text: str, path: str | Path = "the log") -> Table:
     """Return a text as a table in normal form; errors as of `read_table`."""
-    text = _LINE_END.sub("", text)
+    text = _ASIAN.sub(" ", _LINE_END.sub("", text))
     if endless := _ENDLESS.search(text):
         raise ReadingError(
             f"{path}: line {text.count(chr(10), 0, endless.start()) + 1}: {len(endless.group())} characters and more "
@@ -169,7 +174,7 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     else:
         blank = {i for i, line in every if not line.strip() or _RULE.fullmatch(line)}
         table = separated(lines, blank, path)
-    table = with_cut_lines_doubted(without_cut_end(table, text))
+    table = with_cut_lines_doubted(without_cut_units(without_cut_end(table, text)))
     table = with_stamps(table, stamps, text, path) if stamps else table
     first = min(table.lines, default=0)
     above = [line for i, line in numbered(text) if i < first]

@@ -53,7 +53,9 @@ _CONVERTED = re.compile(
 )
 _BITS_TOLD = re.compile(r"\b(\d{1,2})[\s_-]?bits?\b", re.IGNORECASE)
 _UNIT_TOLD = re.compile(
-    r"\b(?:units?|readings?|values?|voltages?|signals?|channels?|data|in|all|normali[sz]ed|ratiometric)\b[^\n,;]{0,16}?"
+    r"\b(?:units?|readings?|values?|voltages?|signals?|channels?|data|in|all|normali[sz]ed|ratiometric"
+    r"|einheit(?:en)?|unit[\u00e9\u00e0]s?|unidad(?:es)?|jednostk\w|\u5355\u4f4d|\u55ae\u4f4d|\u5358\u4f4d|\ub2e8\uc704)"
+    r"\b[^\n,;]{0,16}?"
     r"(?<![\w])(mV|[uµ]V|V|volts?|millivolts?|microvolts?|counts?|codes?|percent|%|‰"
     r"|to Vref|of Vref|over Vref|/ ?Vref)(?!\w)|\b(counts|codes|LSBs?)\b",
     re.IGNORECASE,
