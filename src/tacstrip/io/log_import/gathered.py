@@ -309,7 +309,8 @@ class _Gathering:
 
         Another name, or a number without one, then says which one a line is of.
         """
-        strips = [n for n in self.records[0].values if n in usual and meaning(n).role == "strip"]
+        first = next(r for r in self.records if usual <= {*r.values})
+        strips = [n for n in first.values if n in usual and meaning(n).role == "strip"]
         same = [n for n in strips if len({r.values.get(n) for r in self.records}) == 1]
         for once in same if len(same) < len(strips) or _NAMELESS in usual else ():
             strips.remove(once)
