@@ -275,8 +275,8 @@ class _Gathering:
         varied = touched_vary([r.values for r in self.records])
         for record in () if varied else self.records:
             self._drop_others(record, usual)
-        usual, strips = self._without_count(usual)
         self._end()
+        usual, strips = self._without_count(usual)
         self._insert_voids(varied, usual, strips)
         words = {w.casefold() for n in usual for w in re.findall(r"[A-Za-z]+", n)}
         if varied:
