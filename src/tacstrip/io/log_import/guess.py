@@ -27,7 +27,14 @@ from tacstrip.io.log_import.mapping import STRIP_ORDERS, ColumnMapping
 from tacstrip.io.log_import.names import CLOCKS, IN_VOLTS, is_strip_word, meaning, meanings
 from tacstrip.io.log_import.neighbours import order_of_neighbours
 from tacstrip.io.log_import.others import drop_others
-from tacstrip.io.log_import.questions import KEYS, ROLES, Clues, Question, Unanswered
+from tacstrip.io.log_import.questions import (
+    KEYS,
+    ROLES,
+    Clues,
+    Question,
+    Unanswered,
+    UnknownAnswerError,
+)
 from tacstrip.io.log_import.scans import (
     LogScan,
     is_newest_first,
@@ -112,11 +119,24 @@ def propose(
     given = dict(answers or {})
     try:
         return told(given)
+    except UnknownAnswerError as error:
+        raise OptionError(f"{error}; {_asks(told, given, error.key)}") from None
     except Unanswered as asked:  # what has a default is not asked beside the rest
         known = {q.key: q.default for q in asked.questions if q.default}
         if not known:
             raise
         return told(given | known)
+
+
+def _asks(told: Callable[[dict[str, str]], Proposal], given: dict[str, str], unknown: str) -> str:
+    """Return what a log asks that was given an answer to nothing."""
+    try:
+        told({key: answer for key, answer in given.items() if key != unknown})
+    except Unanswered as asked:
+        return f"the log asks for: {', '.join(q.key for q in asked.questions)}"
+    except UnknownAnswerError as other:
+        return f"nor has {other.key!r}"
+    return "the log asks nothing: leave it out"
 
 
 def settled(table: Table, read: Callable[[Table], Read], strips: int = 0, channels: int = 0) -> Read:

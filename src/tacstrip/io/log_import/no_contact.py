@@ -7,7 +7,7 @@ from collections import Counter
 
 import numpy as np
 
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.errors import OptionError, ReadingError
 from tacstrip.io.log_import.columns import Columns
 from tacstrip.io.log_import.fields import clock_seconds, number_of, says_nothing
@@ -110,6 +110,13 @@ def settle_words(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
     ):
         clues.because(f"{word}: no contact, for both channels of a strip have it at once, and none alone")
         return
+    over = any(map(_OVER_RANGE.fullmatch, mapping.untouched))
+    if values.shape[2] == 1 and _are_apart(idle[:, :, 0]) and not (doubtful or over):
+        clues.doubt(
+            f"{word!r} is taken for no contact: strips without it lie side by side, and whole scans have it; else take "
+            "these lines out"
+        )
+        return
     words = [w for w in mapping.untouched if _OVER_RANGE.fullmatch(w)]
     if values.shape[2] == 1 and len(words) == len(mapping.untouched) == 1 and _is_open(values[:, :, 0]):
         clues.because(
@@ -120,6 +127,13 @@ def settle_words(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
     clues.ask(
         "untouched", f"{word!r} is no number; does it stand for no contact?", ",".join(mapping.untouched)
     )
+
+
+def _are_apart(idle: BoolArray) -> bool:
+    """Return whether strips that are not idle, (scans, strips), lie side by side in each of the scans, and none in some."""
+    side_by_side = all(row[np.argmax(row) :][: row.sum()].all() for row in ~idle)
+    several = ((~idle).sum(axis=1) > 1).any()
+    return bool(side_by_side and several and _MANY < idle.mean() < 1.0 and idle.all(axis=1).mean() > _MANY)
 
 
 def _is_open(values: FloatArray) -> bool:
