@@ -46,10 +46,12 @@ def without_cut_units(table: Table) -> Table:
     (30,)
     """
     number = re.compile(rf"[-+]?\d+(?:{re.escape(table.decimal)}\d*)?\s?(%|[m\u00b5]?V)?")
-    ends = [next((cell for cell in reversed(row) if cell), "") for row in table.rows]
-    found = [number.fullmatch(cell) for cell in ends]
-    units = Counter(m[1] for m in found if m and m[1])
-    cut = [n for n, m in enumerate(found) if m and not m[1]]
+    said = [[m[1] for row in table.rows if (m := number.fullmatch(row[p]))] for p in range(len(table.names))]
+    marked = {p for p, of in enumerate(said) if 2 * sum(map(bool, of)) > len(of)}
+    units = {unit for p in marked for unit in said[p] if unit}
+    last = [max((p for p, cell in enumerate(row) if cell), default=0) for row in table.rows]
+    ends = [number.fullmatch(row[p]) for p, row in zip(last, table.rows, strict=True)]
+    cut = [n for n, m in enumerate(ends) if m and not m[1] and last[n] in marked]
     if len(units) != 1 or not cut or len(cut) > max(1, _RARE * len(table.rows)):
         return table
     table = replace(table, broken=tuple(sorted({*table.broken, *(table.lines[n] for n in cut)})))

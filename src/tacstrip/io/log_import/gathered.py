@@ -275,8 +275,8 @@ class _Gathering:
         varied = touched_vary([r.values for r in self.records])
         for record in () if varied else self.records:
             self._drop_others(record, usual)
-        self._end()
         usual, strips = self._without_count(usual)
+        self._end()
         self._insert_voids(varied, usual, strips)
         words = {w.casefold() for n in usual for w in re.findall(r"[A-Za-z]+", n)}
         if varied:
@@ -311,13 +311,17 @@ class _Gathering:
         """
         first = next(r for r in self.records if usual <= {*r.values})
         strips = [n for n in first.values if n in usual and meaning(n).role == "strip"]
+        lines = {n: [i for i, found in self.parsed if n in _fields(found)] for n in strips}
         same = [n for n in strips if len({r.values.get(n) for r in self.records}) == 1]
-        for once in same if len(same) < len(strips) or _NAMELESS in usual else ():
-            strips.remove(once)
-            self.above += [i for i, found in self.parsed if once in _fields(found)]
-            for one in (*(r.values for r in self.records), *(v.labels for v in (*self.void, *self.timed))):
-                one.pop(once, None)
-            usual = usual - {once}
+        once = [n for n in same if len(strips) > 1 and len(lines[n]) == 1]
+        once = once or (strips[-1:] if len(same) == len(strips) and _NAMELESS in usual else [])
+        for name in once:
+            strips.remove(name)
+            self.above += lines[name]
+            voids = (v.labels for v in (*self.void, *self.timed))
+            for one in (self.labels, *(r.values for r in self.records), *voids):
+                one.pop(name, None)
+            usual = usual - {name}
         return usual, strips or [n for n in usual if n == _NAMELESS]
 
     def _end(self) -> None:

@@ -105,7 +105,7 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
             "offset by half; say --answer coding=signed or coding=unsigned"
         )
     told = [found.meanings[n] for n in mapping.columns]
-    named = _named_units(clues, mapping, {m.unit for m in told} - {""}, values, bits, answer)
+    named = _named_units(clues, mapping, {m.unit for m in told} - {""}, values, bits, vref, answer)
     unit = answer or (
         named.pop()
         if len(named) == 1
@@ -140,12 +140,15 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
 
 
 def _named_units(
-    clues: Clues, mapping: ColumnMapping, named: set[str], values: FloatArray, bits: int, answer: str
-) -> set[str]:
+    clues: Clues, mapping: ColumnMapping, named: set[str], values: FloatArray, bits: int, vref: float,
+    answer: str,
+) -> set[str]:  # fmt: skip
     """Return the units that columns' names say, if the readings can be in them; codes where fields say these."""
     whole = bool((values == np.round(values)).all())
     if named == {"fraction"} and not whole and 1.0 + _OFF_VREF < values.max() <= 1.0 / OF_VREF["percent"]:
         named = set()  # a ratio in percent, say
+    if named == {"code"} and not (whole or answer) and values.max() <= max(vref, 1.0):
+        named = set()  # "raw" volts, say, for no converter has so few codes
     if named == {"fraction"} and values.max() > 1.0 and all(map(is_called_k, mapping.columns)):
         named = {"code"} if bits and whole else set()
         if named and values.max() <= 1.0 / OF_VREF["permille"] and not answer:

@@ -56,7 +56,7 @@ def _turned(table: Table) -> Table | None:
         return None
     rows = [list(row) for row in zip(*(row[1:] for row in table.rows), strict=True)]
     said_of = (*table.remarks, f"{names[0]!r}, ...: each line begins with a name: the columns are scans")
-    return replace(table, names=tuple(names), rows=rows, lines=[*range(1, len(rows) + 1)], named=True, remarks=said_of)
+    return replace(table, names=tuple(names), rows=rows, lines=[table.lines[0]] * len(rows), named=True, remarks=said_of)
 
 
 def _with_scans_as_rows(
