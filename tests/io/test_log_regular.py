@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-import datetime
+import datetime as dt
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -24,8 +24,10 @@ from tacstrip.io.log_import.turns import turns
 Ends = tuple[float, float] | None
 STRIPS = 4
 TWO = ts.Sensor(construction="crs-crs", strips=STRIPS, pitch_mm=10.0, length_mm=50.0, vref_volt=3.3)
-ONE = ts.Sensor(construction="crs-m", strips=STRIPS, pitch_mm=10.0, length_mm=50.0, vref_volt=3.3, adc_bits=12)
-START = datetime.datetime(2026, 5, 4, 10, 12)
+ONE = ts.Sensor(
+    construction="crs-m", strips=STRIPS, pitch_mm=10.0, length_mm=50.0, vref_volt=3.3, adc_bits=12
+)
+START = dt.datetime(2026, 5, 4, 10, 12)
 MOST = 4095
 
 
@@ -45,7 +47,7 @@ TRUTH = np.array([[pair or (np.nan, np.nan) for pair in scan] for scan in SCANS]
 
 
 def _at(i: int, form: str = "%H:%M:%S.%f") -> str:
-    return (START + datetime.timedelta(seconds=i / 20)).strftime(form)
+    return (START + dt.timedelta(seconds=i / 20)).strftime(form)
 
 
 def _lines(line: Callable[[int, list[Ends]], str]) -> str:
@@ -92,7 +94,9 @@ def _payload(i: int, scan: list[Ends]) -> str:
 
 def _message(i: int, scan: list[Ends]) -> str:
     said = " ".join(f"s{s + 1}={p[0]}/{p[1]}" if p else f"s{s + 1}=-" for s, p in enumerate(scan))
-    return json.dumps({"__TIMESTAMP": str(1777889520000000 + 50000 * i), "PID": "8", "MESSAGE": f"scan {i} {said}"})
+    return json.dumps(
+        {"__TIMESTAMP": str(1777889520000000 + 50000 * i), "PID": "8", "MESSAGE": f"scan {i} {said}"}
+    )
 
 
 def _rust(i: int, scan: list[Ends]) -> str:
@@ -102,7 +106,7 @@ def _rust(i: int, scan: list[Ends]) -> str:
 
 def _objects(i: int, scan: list[Ends]) -> str:
     high, low = (", ".join("nan" if v is None else str(v) for v in _ends(scan, end)) for end in (0, 1))
-    return f"Scan(time={START + datetime.timedelta(seconds=i / 20)!r}, high=array([{high}], dtype=float32), low=array([{low}]))"
+    return f"Scan(time={START + dt.timedelta(seconds=i / 20)!r}, high=array([{high}], dtype=float32), low=array([{low}]))"
 
 
 def _console(i: int, scan: list[Ends]) -> str:
@@ -122,7 +126,13 @@ def _report(i: int, scan: list[Ends]) -> str:
 
 def _turned() -> str:
     ends = [(s, e) for s in range(STRIPS) for e in (0, 1)]
-    rows = [[f"strip {s + 1} {('high', 'low')[e]}", *("" if v is None else str(v) for v in (_ends(x, e)[s] for x in SCANS))] for s, e in ends]
+    rows = [
+        [
+            f"strip {s + 1} {('high', 'low')[e]}",
+            *("" if v is None else str(v) for v in (_ends(x, e)[s] for x in SCANS)),
+        ]
+        for s, e in ends
+    ]
     return "".join(",".join(row) + "\n" for row in [["t (s)", *(f"{i / 20:.2f}" for i in range(24))], *rows])
 
 
@@ -164,7 +174,11 @@ def test_read_without_a_question(text: str) -> None:
 
 def test_no_line_of_strips_is_passed_over_above_the_first_that_is_understood() -> None:
     """Where nothing touches the last strip, what stands behind it is taken for its value, and not understood."""
-    lines = _lines(lambda i, s: f'"{i} ' + " ".join(f"s{k}={p[0]}/{p[1]}" if p else f"s{k}=-" for k, p in enumerate(s)) + '"}')
+    lines = _lines(
+        lambda i, s: (
+            f'"{i} ' + " ".join(f"s{k}={p[0]}/{p[1]}" if p else f"s{k}=-" for k, p in enumerate(s)) + '"}'
+        )
+    )
     table = of_runs(lines)
     assert table is not None
     assert {i + 1 for i in range(24) if any(SCANS[i])} <= {*table.lines, *table.broken}
@@ -191,7 +205,9 @@ def test_a_reading_that_is_held_is_of_one_sensor() -> None:
 
 
 def test_a_number_that_lacks_the_unit_of_all_others_is_cut() -> None:
-    rows = [f"{50 * i} S1h:{50 - i}.25% S1l:{40 - i}.75% S2h:{51 - i}.25% S2l:{41 - i}.75%" for i in range(24)]
+    rows = [
+        f"{50 * i} S1h:{50 - i}.25% S1l:{40 - i}.75% S2h:{51 - i}.25% S2l:{41 - i}.75%" for i in range(24)
+    ]
     rows[9] = rows[9].removesuffix(".75%")
     assert of_text("\n".join(rows)).broken == (10,)
 
@@ -199,7 +215,7 @@ def test_a_number_that_lacks_the_unit_of_all_others_is_cut() -> None:
 def test_an_answer_to_nothing_is_told_what_is_asked() -> None:
     text = "ms,h1,l1,h2,l2\n" + "".join(f"{i},0.8,0.7,0.8,0.7\n" for i in range(9))
     sensor = ts.Sensor(construction="crs-crs", strips=2, pitch_mm=10.0, length_mm=50.0, vref_volt=3.3)
-    with pytest.raises(ts.OptionError, match="no question has the key 'foo'.*the log asks for: .*unit"):
+    with pytest.raises(ts.OptionError, match=r"no question has the key 'foo'.*the log asks for: .*unit"):
         propose(of_text(text), sensor, {"foo": "bar"})
     with pytest.raises(ts.OptionError, match="asks nothing: leave it out"):
         propose(of_text(FORMS["Rust's structs"]), TWO, {"foo": "bar"})

@@ -75,7 +75,9 @@ def command(
     new_file(output, force, str(log), *([spec] if spec else []))
     sensor = load_sensor(spec) if spec else None
     told = options.answered(answers)
-    without = "" if spec else _NAME_A_SENSOR.format(log=shlex.quote(str(log)), output=shlex.quote(str(output)))
+    without = (
+        "" if spec else _NAME_A_SENSOR.format(log=shlex.quote(str(log)), output=shlex.quote(str(output)))
+    )
     with options.asked_of(log, without):
         table = read_table(log, sheet or told.get("sheet"))
         found = _mapped(table, given, sensor) if given else propose(table, sensor, told, _stated(spec))

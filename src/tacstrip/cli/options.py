@@ -214,7 +214,7 @@ def answered(texts: tuple[str, ...]) -> dict[str, str]:
 
 @contextmanager
 def asked_of(log: Path, more: str = "") -> Iterator[None]:
-    """Turn questions into a failure with exit code 1 that asks them; name the log in errors, and `more` that may help."""
+    """Turn questions into a failure with exit code 1 that asks them; name the log in errors, and `more` to help."""
     # Late: they load NumPy.
     from tacstrip.io.log_import.containers import SeveralSheets
     from tacstrip.io.log_import.questions import Question, Unanswered

@@ -267,7 +267,11 @@ def _rows_of(value: Any) -> list[Any]:
         return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
     value = _with_names(value) if isinstance(value, dict) else value
     parts = _unfolded("", value) if isinstance(value, dict) else {}
-    tables = [v for v in parts.values() if isinstance(v, list) and len(v) > 1 and all(isinstance(r, dict) for r in v)]
+    tables = [
+        v
+        for v in parts.values()
+        if isinstance(v, list) and len(v) > 1 and all(isinstance(r, dict) for r in v)
+    ]
     if len(tables) == 1 == sum(isinstance(v, list) for v in parts.values()) and not _series_within(tables[0]):
         return tables[0]
     lists = {k: v for k, v in value.items() if isinstance(v, list)} if isinstance(value, dict) else {}

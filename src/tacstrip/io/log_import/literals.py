@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-import datetime
+import datetime as dt
 import math
 import re
 from typing import Any
@@ -66,7 +66,11 @@ def _value(node: ast.expr, *, words: bool) -> Any:
         case ast.Tuple(elts=parts):
             return tuple(of(p) for p in parts)
         case ast.Dict(keys=keys, values=values):
-            return {(k.id if isinstance(k, ast.Name) else of(k)): of(v) for k, v in zip(keys, values, strict=True) if k}
+            return {
+                (k.id if isinstance(k, ast.Name) else of(k)): of(v)
+                for k, v in zip(keys, values, strict=True)
+                if k
+            }
         case ast.UnaryOp(op=ast.USub() | ast.UAdd() as sign, operand=inner):
             value = of(inner)
             return -value if value is not None and isinstance(sign, ast.USub) else value
@@ -78,7 +82,7 @@ def _value(node: ast.expr, *, words: bool) -> Any:
             return name
         case ast.Call(func=ast.Name(id=name) | ast.Attribute(attr=name), args=args, keywords=named):
             if name == "datetime" and len(args) > _OF_DATE:
-                return str(datetime.datetime(*map(of, args)))
+                return str(dt.datetime(*map(of, args)))
             if not args:
                 return {k.arg: of(k.value) for k in named if k.arg}
             return of(args[0]) if len(args) == 1 else tuple(of(a) for a in args)

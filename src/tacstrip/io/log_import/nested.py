@@ -27,8 +27,8 @@ def regular(value: Any) -> tuple[Any, tuple[str, ...]]:
     --------
     >>> regular({"log": {"-Nx1": {"t": 0, "h": 5}, "-Nx2": {"t": 1, "h": 5}, "-Nx3": {"t": 2, "h": 6}}})[0]
     {'log': [{'t': 0, 'h': 5}, {'t': 1, 'h': 5}, {'t': 2, 'h': 6}]}
-    >>> regular([{"t": 0, "s": {"A": {"h": 5}, "C": {"h": 5}}}, {"t": 1, "s": {"B": {"h": 6}}}])
-    ([{'t': 0, 's': {'strip0': {'h': 5}, 'strip2': {'h': 5}}}, {'t': 1, 's': {'strip1': {'h': 6}}}], ('strips from 0: A',))
+    >>> regular([{"t": 0, "s": {"A": {"h": 5}, "C": {"h": 5}}}, {"t": 1, "s": {"B": {"h": 6}}}])[1]
+    ('strips from 0: A',)
     >>> regular([{"host": "a", "doc": '{"t": 0, "h": 5}'}, {"host": "b", "doc": '{"t": 1, "h": 6}'}])[0]
     [{'host': 'a', 't': 0, 'h': 5}, {'host': 'b', 't': 1, 'h': 6}]
     """
@@ -68,7 +68,11 @@ class _Form:
     def of(self, group: Sequence[Any]) -> list[Any]:
         """Return the values of one place in regular form."""
         made = [*group]
-        lists = {n: v for n, v in enumerate(group) if isinstance(v, list) and any(isinstance(e, dict | list) for e in v)}
+        lists = {
+            n: v
+            for n, v in enumerate(group)
+            if isinstance(v, list) and any(isinstance(e, dict | list) for e in v)
+        }
         elements = iter(self.of([e for v in lists.values() for e in v]) if lists else ())
         for n, v in lists.items():
             made[n] = [next(elements) for _ in v]
@@ -113,7 +117,9 @@ def _are_identifiers(names: Sequence[str], inner: Sequence[Any]) -> bool:
     """Return whether names only tell records apart: each has a number in it, and what they name tells its scan."""
     if len(names) < _FEW or not all(isinstance(v, dict) and v for v in inner):
         return False
-    if not all(re.search(r"\d", n) for n in names) or any(meaning(n).role for n in names if number_of(n) is None):
+    if not all(re.search(r"\d", n) for n in names) or any(
+        meaning(n).role for n in names if number_of(n) is None
+    ):
         return False
     common = set.intersection(*({str(k) for k in v} for v in inner))
     said = [meaning(k) for k in common]
@@ -138,6 +144,6 @@ def _without_wrapper(records: list[dict[str, Any]]) -> list[dict[str, Any]]:
         return records
     inner = [r[within[0]] for r in records]
     roles = {meaning(str(k)).role for r in inner for k in r}
-    if "time" not in roles and "scan" not in roles or others & {k for r in inner for k in r}:
+    if ("time" not in roles and "scan" not in roles) or others & {k for r in inner for k in r}:
         return records
     return [{k: v for k, v in r.items() if k != within[0]} | r[within[0]] for r in records]

@@ -130,7 +130,7 @@ def settle_words(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
 
 
 def _are_apart(idle: BoolArray) -> bool:
-    """Return whether strips that are not idle, (scans, strips), lie side by side in each of the scans, and none in some."""
+    """Return whether strips that are not idle, (scans, strips), lie side by side in each scan, and some have none."""
     side_by_side = all(row[np.argmax(row) :][: row.sum()].all() for row in ~idle)
     several = ((~idle).sum(axis=1) > 1).any()
     return bool(side_by_side and several and _MANY < idle.mean() < 1.0 and idle.all(axis=1).mean() > _MANY)

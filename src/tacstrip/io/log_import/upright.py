@@ -48,7 +48,12 @@ def _turned(table: Table) -> Table | None:
     (('t (s)', 'strip 1', 'strip 2'), [['0.0', '2.5', '2.4'], ['0.1', '', '2.2']])
     """
     names = [row[0] for row in table.rows]
-    if table.named or len({*names}) < len(names) or len(names) < _FEW_NAMES or any(number_of(n) is not None for n in names):
+    if (
+        table.named
+        or len({*names}) < len(names)
+        or len(names) < _FEW_NAMES
+        or any(number_of(n) is not None for n in names)
+    ):
         return None
     said = [meaning(n) for n in names]
     strips = {(m.strip, m.channel) for m in said if m.strip is not None and m.role == "reading"}
@@ -56,7 +61,9 @@ def _turned(table: Table) -> Table | None:
         return None
     rows = [list(row) for row in zip(*(row[1:] for row in table.rows), strict=True)]
     said_of = (*table.remarks, f"{names[0]!r}, ...: each line begins with a name: the columns are scans")
-    return replace(table, names=tuple(names), rows=rows, lines=[table.lines[0]] * len(rows), named=True, remarks=said_of)
+    return replace(
+        table, names=tuple(names), rows=rows, lines=[table.lines[0]] * len(rows), named=True, remarks=said_of
+    )
 
 
 def _with_scans_as_rows(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import datetime
+import datetime as dt
 import json
 import re
 from collections.abc import Sequence
@@ -15,7 +15,11 @@ from tacstrip.io.log_import.records import STEADY
 _TEXT = re.compile(r"_?(?:message|msg|log|line|text|body|payload|data|event)", re.IGNORECASE)
 _TIME = re.compile(r"time|date|(?:\b|_)ts\b", re.IGNORECASE)
 _NUMBER = re.compile(r"\d+(?:\.\d+)?")
-_EPOCH, _STEPS, _PARTS = 1e9, 3, 1000.0  # seconds since 1970, or thousandths of one, or thousandths of these, ...
+_EPOCH, _STEPS, _PARTS = (
+    1e9,
+    3,
+    1000.0,
+)  # seconds since 1970, or thousandths of one, or thousandths of these, ...
 
 
 def unwrapped(text: str) -> str:
@@ -63,7 +67,11 @@ def _records(text: str) -> list[dict[str, Any]]:
 def _hold_lines(values: Sequence[Any]) -> bool:
     """Return whether nearly all values are lines with several numbers, and no times or JSON."""
     texts = [v for v in values if isinstance(v, str) and v.strip()]
-    lines = [v for v in texts if len(_NUMBER.findall(v)) > 1 and v.strip()[0] not in "{[" and clock_seconds(v) is None]
+    lines = [
+        v
+        for v in texts
+        if len(_NUMBER.findall(v)) > 1 and v.strip()[0] not in "{[" and clock_seconds(v) is None
+    ]
     return len(lines) > STEADY * len(values)
 
 
@@ -74,6 +82,6 @@ def _stamp(value: Any) -> str:
         return str(value) if clock_seconds(str(value)) is not None else ""
     for step in range(_STEPS + 1):
         if 1.0 <= number / _PARTS**step / _EPOCH < 10.0:
-            moment = datetime.datetime.fromtimestamp(number / _PARTS**step, datetime.UTC)
+            moment = dt.datetime.fromtimestamp(number / _PARTS**step, dt.UTC)
             return f"{moment:%Y-%m-%d %H:%M:%S.%f}"
     return f"[{value}]"

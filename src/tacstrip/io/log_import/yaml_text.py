@@ -125,7 +125,10 @@ def _block(lines: list[str], start: int = 0) -> tuple[Any, int]:
 def _scalar(text: str) -> Any:
     plain = re.sub(r"\s+#.*", "", text)
     if plain[:1] in "[{":
-        value = literal(re.sub(r"(?<![\w.\"])(?:[.](?=nan|NaN|inf)|~)", lambda m: "null" * (m[0] == "~"), plain), words=True)
+        value = literal(
+            re.sub(r"(?<![\w.\"])(?:[.](?=nan|NaN|inf)|~)", lambda m: "null" * (m[0] == "~"), plain),
+            words=True,
+        )
         if value is None:
             raise ValueError(plain)
         return value
