@@ -10,7 +10,6 @@ import pytest
 
 import tacstrip as ts
 from tacstrip.io.log_import.guess import Proposal, propose
-from tacstrip.io.log_import.questions import Unanswered
 from tacstrip.io.log_import.text import of_text
 
 PAD = ts.Sensor(construction="crs-crs", strips=7, pitch_mm=6.0, length_mm=100.0, vref_volt=5.0)

@@ -13,7 +13,8 @@ from tacstrip.io.log_import.fields import is_prose
 _ASSIGNED = re.compile(r"\s*(?:>>>\s*)?(?:[A-Za-z_]\w*\s*=\s*)?(?=[\[({]|[A-Za-z_][\w.]*\()")
 _STRUCT = re.compile(r"\b[A-Z]\w*\s*(?=\{\s*\w+\s*:)")  # its name, as Rust prints it
 _REMARK = re.compile(r"\(\*.*?\*\)", re.DOTALL)  # of Mathematica
-_NOTHING = frozenset(("nan", "inf", "infinity", "null", "none", "na", "undefined", "missing"))
+_HASH = re.compile(r""":?([A-Za-z_]\w*|"\w+"|'\w+')\s*=>""")  # a key of Ruby or Perl
+_NOTHING = frozenset(("nil", "undef", "nan", "inf", "infinity", "null", "none", "na", "undefined", "missing"))
 _TIMED = re.compile(r"\A\s*(\d+(?:\.\d+)?)[\s:,;]+([\[(].*[\])])\s*\Z")  # a number before a list
 _FEW = 2  # lists
 _OF_DATE = 2  # year, month, and day at least
@@ -36,10 +37,12 @@ def literal(text: str, *, words: bool = False) -> Any:
     ({'t_us': 12, 'ends': [(2.5, 1.9), None]}, {2: [1.5, 1.25], 'high': 3})
     >>> literal("(datetime.datetime(2026, 5, 4, 10, 12, 0, 500000), 1.5)")
     ('2026-05-04 10:12:00.500000', 1.5)
+    >>> literal("{:t=>0.5, :high=>[2.5, nil]}")
+    {'t': 0.5, 'high': [2.5, None]}
     >>> literal("1, 2") is None
     True
     """
-    text = _STRUCT.sub("", text)
+    text = _HASH.sub(r"\1:", _STRUCT.sub("", text))
     head = _ASSIGNED.match(text)
     if not head or text.count("[") + text.count("(") > _DEEPEST + len(text) // 4:
         return None

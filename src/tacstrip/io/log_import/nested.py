@@ -122,8 +122,11 @@ def _are_identifiers(names: Sequence[str], inner: Sequence[Any]) -> bool:
     ):
         return False
     common = set.intersection(*({str(k) for k in v} for v in inner))
-    said = [meaning(k) for k in common]
-    return any(m.role in ("time", "scan", "strip") or m.strip is not None for m in said)
+    told = [m for k in common if (m := meaning(k)).role]
+    # Small numbers may be those of strips.
+    large = not any((number := number_of(n)) is not None and number < _EPOCH for n in names)
+    several = large and any(isinstance(v, dict | list) for record in inner for v in record.values())
+    return bool(told) and (several or any(m.role != "reading" or m.strip is not None for m in told))
 
 
 def _with_key(key: str, record: Any) -> Any:
