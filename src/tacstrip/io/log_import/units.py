@@ -33,6 +33,7 @@ _MANY = 0.05  # of the readings: more that are exactly 0 are no chance
 # Of what there can be: a unit in which a log uses less is out where it uses as much in another.
 _LITTLE, _MUCH = 0.21, 0.5
 BITS = (8, 10, 12, 14, 16, 24)
+_SELDOM = (13,)  # as of a Teensy's converter: offered where no fewer do
 # Codes that are full scale and no power of two: of the analog inputs of a PLC, which go on for a part beyond.
 _OTHER_FULL_SCALES, _OVER_FULL = (27648,), 1.176
 _USUAL_MV = (0.125, 0.1875)  # of a code of converters with a reference of their own, such as the ADS1115
@@ -324,7 +325,8 @@ def _bits_that_fit(top: float) -> list[str]:
     >>> _bits_that_fit(661.0), _bits_that_fit(22142.0), _bits_that_fit(9.0)
     (['10', '12', '14'], ['16'], ['8', '10'])
     """
-    fits = [b for b in BITS if top <= 2.0**b - 1.0]
+    fits = [b for b in (*BITS[:3], *_SELDOM, *BITS[3:]) if top <= 2.0**b - 1.0]
+    fits = [b for b in fits if b not in _SELDOM or b == fits[0]]
     return [str(b) for b in [b for b in fits if top > _FAINT * 2.0**b][:3] or fits[:1]]
 
 
