@@ -694,7 +694,9 @@ def _missing(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> str:
         if not any(said in str(error) for said in ("no line for", "lacks a value", "no column is of")):
             raise
         # Scans beside torn lines are left out, or torn lines are scans.
-        whole = not clues.table.broken or clues.table.varied or (mapping.strip and are_torn(clues.table))
+        table = clues.table
+        a_line_each = table.varied or len({*table.lines}) == len(rough) < len(table.lines)
+        whole = not table.broken or a_line_each or (mapping.strip and are_torn(table))
         if whole and _only_touched(clues.table, mapping, rough):
             clues.because(
                 "only touched strips have lines: they lie side by side, and none is without a reading"
