@@ -136,6 +136,8 @@ def _asks(told: Callable[[dict[str, str]], Proposal], given: dict[str, str], unk
         return f"the log asks for: {', '.join(q.key for q in asked.questions)}"
     except UnknownAnswerError as other:
         return f"nor has {other.key!r}"
+    except (ReadingError, OptionError) as error:
+        return f"without it: {error}"
     return "the log asks nothing: leave it out"
 
 
