@@ -17,6 +17,7 @@ from tacstrip.cli import cli
 from tacstrip.io.log_import.containers import read_table
 from tacstrip.io.log_import.guess import Proposal, propose
 from tacstrip.io.log_import.questions import Unanswered
+from tacstrip.io.log_import.nested import regular
 from tacstrip.io.log_import.runs import of_runs
 from tacstrip.io.log_import.text import of_text
 from tacstrip.io.log_import.turns import turns
@@ -228,3 +229,11 @@ def test_import_without_a_sensor_says_that_one_would_help(tmp_path: Path) -> Non
     made = CliRunner().invoke(cli, ["import", str(log), "-o", str(tmp_path / "out.csv")])
     assert made.exit_code != 0
     assert "name a SENSOR" in f"{made.output}{made.exception}"
+
+
+@pytest.mark.parametrize("names", [["t", "h", "l"], ["temp", "hum", "batt"], ["left", "right", "both"]])
+def test_names_of_columns_or_sensors_are_no_strips(names: list[str]) -> None:
+    arrays = {names[1]: {"hi": [1.5, 1.4], "lo": [1.2, 1.1]}, names[2]: {"hi": [1.5, 1.4], "lo": [1.2, 1.1]}}
+    for record in ({names[0]: 0.5, names[1]: 2.5, names[2]: 1.5}, arrays):
+        value = {"columns": names, "rows": [record, dict(record)]}
+        assert regular(value) == (value, ())

@@ -12,6 +12,7 @@ from tacstrip.io.log_import.fields import clock_seconds, number_of
 from tacstrip.io.log_import.names import meaning
 
 _FEW = 3  # records, or names of strips
+_MOST_OF_STRIP = 6  # values of a strip: its ends, and what may stand beside them
 _EPOCH = 1e9  # a number of a time since 1970 is larger, whatever its unit
 _NAMED = ("time", "scan", "strip", "reading")
 
@@ -33,8 +34,7 @@ def regular(value: Any) -> tuple[Any, tuple[str, ...]]:
     [{'host': 'a', 't': 0, 'h': 5}, {'host': 'b', 't': 1, 'h': 6}]
     """
     value = _unpacked(value)
-    lists = [v for v in _lists_of(value) if all(isinstance(e, str) for e in v) and len({*v}) == len(v) > 1]
-    form = _Form([v for v in lists if not any(meaning(e).role for e in v if len(e) > 1)])
+    form = _Form([names for names in _lists_of(value) if _name_strips(names)])
     return form.of([value])[0], tuple(form.told)
 
 
@@ -56,6 +56,21 @@ def _lists_of(value: Any) -> Iterator[list[Any]]:
     elif isinstance(value, dict | list):
         for inner in value.values() if isinstance(value, dict) else value:
             yield from _lists_of(inner)
+
+
+def _name_strips(names: Sequence[Any]) -> bool:
+    """Return whether a list is of different names, none of them known, or of letters from the first on."""
+    if len(names) < _FEW or not all(isinstance(n, str) for n in names) or len({*names}) < len(names):
+        return False
+    alphabet = [chr(ord("a") + n) for n in range(len(names))]
+    return [n.casefold() for n in names] == alphabet or not any(meaning(n).role or len(n) < 2 for n in names)
+
+
+def _are_ends(value: Any) -> bool:
+    """Return whether a value may be of a strip: its ends in a record or a list, or nothing."""
+    parts = [*value.values()] if isinstance(value, dict) else value if isinstance(value, list) else []
+    plain = not any(isinstance(p, dict | list) for p in parts)
+    return value is None or (isinstance(value, dict | list) and plain and len(parts) <= _MOST_OF_STRIP)
 
 
 @dataclass
@@ -105,7 +120,7 @@ class _Form:
             return {}
         listed = next((v for v in self.lists if {*names} <= {*v}), [])
         letters = all(re.fullmatch("[A-Z]", n) for n in names) and len(names) >= _FEW
-        if not listed and not (letters and all(isinstance(v, dict | list) for v in inner if v is not None)):
+        if not (listed or letters) or not all(map(_are_ends, inner)):
             return {}
         listed = listed or [chr(c) for c in range(ord("A"), ord("Z") + 1)]
         said = f"strips from 0: {listed[0]}"

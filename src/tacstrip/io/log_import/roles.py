@@ -84,7 +84,7 @@ def with_time_by_unit(clues: Clues, known: dict[str, Meaning]) -> dict[str, Mean
         n for n, m in known.items()
         if m.role in ("", "scan") and unit_in(n) in TIME_UNITS and n not in clues.answers
         and rises_as_a_clock(clues.values(n))
-        and (rises_evenly(clues.values(n)) or len({*clues.values(n)}) >= _OFTEN)
+        and (rises_evenly(clues.values(n)) or (len(unit_in(n)) > 1 and len({*clues.values(n)}) >= _OFTEN))
     ]  # fmt: skip
     found = found or [
         n for n, m in known.items()

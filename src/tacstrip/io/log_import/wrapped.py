@@ -14,6 +14,7 @@ from tacstrip.io.log_import.records import STEADY
 
 _TEXT = re.compile(r"_?(?:message|msg|log|line|text|body|payload|data|event)", re.IGNORECASE)
 _TIME = re.compile(r"time|date|(?:\b|_)ts\b", re.IGNORECASE)
+_OWN_TIME = re.compile(r"@?(?:time|timestamp|ts)", re.IGNORECASE)
 _NUMBER = re.compile(r"\d+(?:\.\d+)?")
 _EPOCH, _STEPS, _PARTS = (
     1e9,
@@ -45,6 +46,7 @@ def unwrapped(text: str) -> str:
     if len(of_text) != 1 or others:
         return text
     times = [n for n in names if _TIME.search(n) and all(_stamp(r.get(n)) for r in records)]
+    times.sort(key=lambda n: _OWN_TIME.fullmatch(n) is None)  # before when it came to another place
     return "\n".join(
         " ".join([*(_stamp(r[n]) for n in times[:1]), str(r.get(of_text[0], "")).strip()]) for r in records
     )
