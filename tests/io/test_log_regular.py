@@ -16,8 +16,8 @@ import tacstrip as ts
 from tacstrip.cli import cli
 from tacstrip.io.log_import.containers import read_table
 from tacstrip.io.log_import.guess import Proposal, propose
-from tacstrip.io.log_import.questions import Unanswered
 from tacstrip.io.log_import.nested import regular
+from tacstrip.io.log_import.questions import Unanswered
 from tacstrip.io.log_import.runs import of_runs
 from tacstrip.io.log_import.text import of_text
 from tacstrip.io.log_import.turns import turns
