@@ -148,6 +148,9 @@ FORMS = {
     "an answer of Elasticsearch": _hits(),
     "JSON in a text": _lines(_payload),
     "lines in records": _lines(_message),
+    "ends as U and L": _lines(lambda i, s: json.dumps({"t_s": i / 20, "U": _ends(s, 0), "L": _ends(s, 1)})),
+    "records by times": json.dumps({str(1777889520000 + 50 * i): {"h": _ends(s, 0), "l": _ends(s, 1)} for i, s in enumerate(SCANS)}),
+    "Ruby's hashes": _lines(lambda i, s: f"{{:uptime_ms=>{50 * i}, :h=>{_ends(s, 0)}, :l=>{_ends(s, 1)}}}".replace("None", "nil")),
     "Rust's structs": _lines(_rust),
     "Python's objects": _lines(_objects),
     "JavaScript's console": "> node log.js\n" + _lines(_console),
@@ -237,3 +240,21 @@ def test_names_of_columns_or_sensors_are_no_strips(names: list[str]) -> None:
     for record in ({names[0]: 0.5, names[1]: 2.5, names[2]: 1.5}, arrays):
         value = {"columns": names, "rows": [record, dict(record)]}
         assert regular(value) == (value, ())
+
+
+def test_a_number_in_milliseconds_that_rises_unevenly_is_the_time() -> None:
+    at = np.cumsum([40 + 37 * i % 90 for i in range(24)])
+    text = f"board_ms,{','.join(NAMES)}\n" + _lines(lambda i, s: f"{at[i]},{_row(',', '', s)}")
+    assert np.array([s.time_s for s in _proposed(text).scans]) == pytest.approx((at - at[0]) / 1000.0)
+
+
+def test_a_cut_record_that_is_a_scan_costs_no_other() -> None:
+    lines = _lines(
+        lambda i, s: (
+            f"{_at(i)[:-3]} pi skin[7]: frame {i} "
+            + (" ".join(f"| {k}: {p[0]}/{p[1]} V" for k, p in enumerate(s) if p) or "(no touch)")
+        )
+    ).splitlines()
+    lines[9] = lines[9][: lines[9].rindex("/")]
+    found = _proposed("\n".join(lines) + "\n")
+    np.testing.assert_allclose(np.stack([s.values for s in found.scans]), np.delete(TRUTH, 9, axis=0))

@@ -37,7 +37,6 @@ _BELOW = 0.02  # of the largest reading: v_h below v_l by more is no noise
 _STRAYS = 2  # such readings, of which each may be a lost digit
 _LOST = 0.02  # of the touched strips: so many may lack one reading by chance
 _STRIPS_OFF = 4  # touched strips for each wire that may be off
-_LIKE_SIZE = 4.0  # times: so much larger is one end than the other in the median at most
 _ALIKE = 0.02  # relative: two columns that are the same quantity in two units
 
 
@@ -61,22 +60,6 @@ def in_one_unit(clues: Clues, readings: dict[str, Meaning]) -> dict[str, Meaning
     out = second if volts is first else first
     clues.because(f"{next(iter(out.values()))}: the same readings again in another unit; passed over")
     return {n: m for n, m in readings.items() if n in volts.values()}
-
-
-def _are_alike(clues: Clues, readings: Mapping[str, Meaning]) -> bool:
-    """Return whether two columns of each strip have numbers on the same lines and none on others, and of like size."""
-    strips = {m.strip for m in readings.values()}
-    kinds = sorted({m.channel for m in readings.values()})
-    pairs = {(m.strip, m.channel): clues.values(n) for n, m in readings.items()}
-    if len(strips) < 2 or len(pairs) != 2 * len(strips) or len(readings) != len(pairs):
-        return False
-    both = np.array([[pairs[s, k] for k in kinds] for s in strips], dtype=float)  # (strips, ends, lines)
-    idle = np.isnan(both) | (both == 0.0)
-    if idle.all() or (idle[:, 0] != idle[:, 1]).any():
-        return False
-    middle = [float(np.median(np.abs(both[:, k][~idle[:, k]]))) for k in (0, 1)]
-    like = 0.0 < max(middle) < _LIKE_SIZE * min(middle)
-    return bool(idle.any() and like)
 
 
 def _ask_for_twice(
@@ -114,21 +97,6 @@ def _ask_for_each(clues: Clues, readings: dict[str, Meaning]) -> dict[str, str]:
         clues.ask(odd, f"is {odd!r} v_h, v_l, or neither?", "h", "l", "skip", *strip_too(clues, odd))
     clues.stop()
     return dict.fromkeys(readings, "h")
-
-
-def _of_two_kinds(clues: Clues, readings: dict[str, Meaning], kinds: set[str]) -> tuple[dict[str, str], bool]:
-    """Return two columns of each strip as its ends, and whether no name tells which; the readings do then."""
-    lack = "h" if "l" in kinds else "l"
-    named = kinds & {"h", "l"}
-    first = min(kinds - named)
-    one, other = (next(n for n, m in readings.items() if m.channel == k) for k in sorted(kinds))
-    clues.doubt(
-        f"{one}, ... and {other}, ...: taken for the two ends, for each strip has both, and they are touched alike"
-    )
-    return {
-        n: m.channel if m.channel in named else lack if named or m.channel == first else "h"
-        for n, m in readings.items()
-    }, not named
 
 
 def ends_of_columns(
@@ -173,8 +141,6 @@ def ends_of_columns(
             of_form=True,
         )
         chosen = dict.fromkeys(readings, "h")
-    elif len(kinds) == 2 and clues.expected == ("h", "l") and _are_alike(clues, readings):
-        chosen, paired = _of_two_kinds(clues, readings, kinds)
     else:
         chosen = _ask_for_each(clues, readings)
     many = Counter((m.strip, chosen[n]) for n, m in readings.items())

@@ -193,7 +193,7 @@ def _parsed(line: str, word: str, fewest: int = 2) -> _Line | None:
             runs[-1].append(m)
         else:
             runs.append([m])
-    run = max(runs, key=len, default=[])
+    run = max(runs[::-1], key=len, default=[])  # of runs as long the last: before it stands a time
     while len(run) >= fewest:  # what stands before may look like a label, as a time in "5 0: 1/2 1: 3/4"
         made = _of_run(line, run)
         if made is not None:
