@@ -151,6 +151,10 @@ FORMS = {
     "ends as U and L": _lines(lambda i, s: json.dumps({"t_s": i / 20, "U": _ends(s, 0), "L": _ends(s, 1)})),
     "records by times": json.dumps({str(1777889520000 + 50 * i): {"h": _ends(s, 0), "l": _ends(s, 1)} for i, s in enumerate(SCANS)}),
     "Ruby's hashes": _lines(lambda i, s: f"{{:uptime_ms=>{50 * i}, :h=>{_ends(s, 0)}, :l=>{_ends(s, 1)}}}".replace("None", "nil")),
+    "records of a database's prompt": "skin=> select\n" + "".join(
+        f"-[ RECORD {4 * i + s} ]----\nts    | {_at(i, '%Y-%m-%d %H:%M:%S.%f')}\nstrip | {s}\nv_h   | {p and p[0]}\nv_l   | {p and p[1]}\n".replace("None", "")
+        for i, scan in enumerate(SCANS) for s, p in enumerate(scan)
+    ),
     "Rust's structs": _lines(_rust),
     "Python's objects": _lines(_objects),
     "JavaScript's console": "> node log.js\n" + _lines(_console),

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.announced import with_announced
-from tacstrip.io.log_import.box_print import without_boxes
+from tacstrip.io.log_import.box_print import upright_records, without_boxes
 from tacstrip.io.log_import.by_content import of_content
 from tacstrip.io.log_import.changes import in_parts
 from tacstrip.io.log_import.channel_names import (
@@ -141,7 +141,7 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     refuse_frames(without(text, strays))
     if (related := _of_relations(without(text, strays))) is not None:
         return in_normal_form(related)
-    text = without_boxes(_FORTRAN.sub(r"\1E\2", text))
+    text = upright_records(without_boxes(_FORTRAN.sub(r"\1E\2", text)))
     text, bounds = _BOUND.subn(r"\1", without_thousands(_THOUSANDS.sub("", without(text, strays))))
     whole = _COLOUR.sub("", plain_rows(without(text, strays).translate(_HALF_WIDTH)))
     text, messages = without_messages(whole)
