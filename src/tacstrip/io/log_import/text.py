@@ -51,6 +51,7 @@ _MOST_ABOVE = 12  # lines, in which what stands for no contact may be said
 _LONG = 400  # characters of a line that may say something
 _THOUSANDS = re.compile(r"(?<=\d)[\u2009\u202f\xa0](?=\d{3}(?!\d))")
 _FORTRAN = re.compile(r"(?<!\w)([-+]?(?:\d+\.\d*|\.\d+))[DdQq]([+-]\d{2,3})(?!\w)")  # double precision
+_SCALAR = re.compile(r"\b(?:np|numpy)\.(?:float|u?int)\d+\(([^()]*)\)")  # as NumPy 2 prints one in a list
 _BOUND = re.compile(r"(\d)\s?(?:\u00b1|\+/-)\s?\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?(?!\d|\s?(?:\u00b1|\+/-))")
 _COLOUR = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")  # of a terminal
 _FORMULA = re.compile(r"=\s*\d+\s*[*+]\s*\(?[A-Za-z]")  # as "ch = 2*strip"
@@ -141,7 +142,7 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     refuse_frames(without(text, strays))
     if (related := _of_relations(without(text, strays))) is not None:
         return in_normal_form(related)
-    text = upright_records(without_boxes(_FORTRAN.sub(r"\1E\2", text)))
+    text = upright_records(without_boxes(_FORTRAN.sub(r"\1E\2", _SCALAR.sub(r"\1", text))))
     text, bounds = _BOUND.subn(r"\1", without_thousands(_THOUSANDS.sub("", without(text, strays))))
     whole = _COLOUR.sub("", plain_rows(without(text, strays).translate(_HALF_WIDTH)))
     text, messages = without_messages(whole)
