@@ -157,7 +157,7 @@ def test_an_answer_may_name_the_last_part_of_one_column() -> None:
     found = propose(table, PAD, {"unit": "code", "q": "strip", "missing": "untouched", "strip_base": "0"})
     assert found.mapping.strip == "pads.q"
     two = Table((*table.names, "other.q"), [[*row, "7"] for row in table.rows], table.lines)
-    with pytest.raises(ts.OptionError, match="no column that name"):
+    with pytest.raises(ts.OptionError, match="no column is called so"):
         propose(two, PAD, {"q": "strip"})
 
 

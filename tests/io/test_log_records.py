@@ -29,7 +29,7 @@ def test_empty_places_do_not_multiply_the_names_of_other_lists() -> None:
 
 
 def _within(levels: int) -> object:
-    return {"f": _within(levels - 1), **{f"n{n}": None for n in range(9)}} if levels else 1
+    return {"f": _within(levels - 1), **{f"h{n}": None for n in range(9)}} if levels else 1
 
 
 @pytest.mark.parametrize(

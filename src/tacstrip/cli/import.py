@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import shlex
 import tempfile
 import tomllib
 from pathlib import Path
@@ -30,6 +31,10 @@ from tacstrip.sensor.rest_level import all_read_hint, rest_hint
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.replay import open_source
 
+_NAME_A_SENSOR = (
+    "name a SENSOR, for its strips, signatures and Vref tell what columns may be: tacstrip import {log} sensor.toml -o "
+    "{output}"
+)
 _SHOWN_SCANS, _SHOWN_STRIPS = 2, 6
 
 
@@ -72,7 +77,10 @@ def command(
     protect(beside, log, spec, force=force)
     sensor = load_sensor(spec) if spec else None
     told = options.answered(answers)
-    with options.asked_of(log):
+    without = (
+        "" if spec else _NAME_A_SENSOR.format(log=shlex.quote(str(log)), output=shlex.quote(str(output)))
+    )
+    with options.asked_of(log, without):
         table = read_table(log, sheet or told.get("sheet"))
         found = _mapped(table, given, sensor) if given else propose(table, sensor, told, _stated(spec))
         for reason in found.reasons:

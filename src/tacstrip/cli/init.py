@@ -24,6 +24,10 @@ if TYPE_CHECKING:
     from tacstrip.io.log_import.questions import Question
 
 # Where CRS-CRP reads well (docs/science/physics.md), for a spec that is still to be edited.
+_WITHOUT_LOG = (
+    "else write the spec by options (tacstrip init --help), and read the log by it: tacstrip import {log} sensor.toml "
+    "-o readings.csv"
+)
 _SHEET_RATIO = 100.0
 _LAMBDA = 0.01  # of the strip length
 _BITS = (8, 10, 12, 14, 16, 24)  # that converters have
@@ -118,7 +122,7 @@ def _begun(
     from tacstrip.io.log_import.questions import Unanswered
 
     told = options.answered(answers)
-    with options.asked_of(log):
+    with options.asked_of(log, _WITHOUT_LOG.format(log=shlex.quote(str(log)))):
         table = read_table(log, told.get("sheet"))
         facts = sensor_facts(table, told)
     names = {key for key in keys if options.given(key)}

@@ -213,8 +213,8 @@ def answered(texts: tuple[str, ...]) -> dict[str, str]:
 
 
 @contextmanager
-def asked_of(log: Path) -> Iterator[None]:
-    """Turn questions into a failure with exit code 1 that asks them; name the log in errors."""
+def asked_of(log: Path, more: str = "") -> Iterator[None]:
+    """Turn questions into a failure with exit code 1 that asks them; name the log in errors, and `more` to help."""
     # Late: they load NumPy.
     from tacstrip.io.log_import.containers import SeveralSheets
     from tacstrip.io.log_import.questions import Question, Unanswered
@@ -230,7 +230,8 @@ def asked_of(log: Path) -> Iterator[None]:
         raise click.ClickException(f"{log} does not say:\n  {which}") from None
     except Unanswered as open_:
         raise click.ClickException(
-            "\n  ".join([f"{log} does not say:", *map(str, open_.questions)])
+            "\n  ".join([f"{log} does not say:", *map(str, open_.questions), *filter(None, [more])])
         ) from None
     except ReadingError as error:
-        raise ReadingError(f"{log}: {error}" if not str(error).startswith(str(log)) else str(error)) from None
+        named = f"{log}: {error}" if not str(error).startswith(str(log)) else str(error)
+        raise ReadingError("\n  ".join(filter(None, [named, more]))) from None

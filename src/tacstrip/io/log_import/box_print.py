@@ -1,4 +1,4 @@
-"""Tables drawn with lines between their cells, as Julia's DataFrames and Polars print them."""
+"""Tables drawn with lines, as Julia's DataFrames and Polars print them; records drawn below each other."""
 
 from __future__ import annotations
 
@@ -14,6 +14,34 @@ _TYPE = re.compile(
 )
 _ROW_NUMBERED = re.compile("\\s*Row \u2502")
 _SHAPE = re.compile(r"\s*(?:\d+\u00d7\d+ DataFrame|shape: \(.*\))\s*")
+# Above each record, as psql prints it behind \\x, and mysql behind \\G.
+_RECORD = re.compile(r"-\[ RECORD \d+ \][-+]*|\*{5,} \d+\. row \*{5,}")
+_FIELD = re.compile(r"\s*(\w[\w ]*?)\s*[|:](?:\s(.*))?")
+
+
+def upright_records(text: str) -> str:
+    r"""Return records that a database's prompt shows, a field in a line, as documents in YAML; another text as it is.
+
+    Examples
+    --------
+    >>> upright_records("=> select\n-[ RECORD 1 ]--\nt   | 0\nv_h | 2.5\n-[ RECORD 2 ]--\nt   | 1\nv_h | \n")
+    '\n---\nt: 0\nv_h: 2.5\n---\nt: 1\nv_h: \n'
+    """
+    lines = [line for _, line in numbered(text)]
+    begins = [n for n, line in enumerate(lines) if _RECORD.fullmatch(line.strip())]
+    if len(begins) < 2:
+        return text
+    made = ["" if n < begins[0] else line for n, line in enumerate(lines)]
+    for n in range(begins[0], len(lines)):
+        field = _FIELD.fullmatch(lines[n])
+        made[n] = (
+            "---"
+            if n in {*begins}
+            else f"{field[1]}: {(field[2] or '').replace('NULL', '')}"
+            if field
+            else ""
+        )
+    return "\n".join(made)
 
 
 def without_boxes(text: str) -> str:

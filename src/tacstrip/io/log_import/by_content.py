@@ -293,6 +293,23 @@ def _assignments(
         for n, c in enumerate(columns)
         if len({*c.texts}) == 2 and (c.kind == WORD or (np.isfinite(c.numbers).all() and not c.rises))
     ]
+    yield from _of_lines(columns, numeric, whiches, strips, channels, listed)
+    if channels == 2:
+        for which in whiches:
+            some = [n for n in plain if n != which]
+            words = sorted({*columns[which].texts})
+            for at, ends in itertools.product(
+                range(len(some) - strips + 1), (tuple(words), tuple(words[::-1]))
+            ):
+                yield Assignment(
+                    tuple((n, k, "") for k, n in enumerate(some[at : at + strips])), None, which, ends
+                )
+
+
+def _of_lines(
+    columns: list[Column], numeric: list[int], whiches: list[int], strips: int, channels: int, listed: bool
+) -> Iterator[Assignment]:
+    """Yield the assignments of columns to the ends of one strip in each row, and of its number and its end."""
     cycles = [n for n, c in enumerate(columns) if c.is_numeric and _are_strips(c, strips, listed)]
     places = () if cycles else (None,)
     values = [
@@ -315,16 +332,6 @@ def _assignments(
             words = sorted({*columns[which].texts})
             for ends in (tuple(words), tuple(words[::-1])):
                 yield from (Assignment(((n, None, ""),), strip, which, ends) for n in left if n != which)
-    if channels == 2:
-        for which in whiches:
-            some = [n for n in plain if n != which]
-            words = sorted({*columns[which].texts})
-            for at, ends in itertools.product(
-                range(len(some) - strips + 1), (tuple(words), tuple(words[::-1]))
-            ):
-                yield Assignment(
-                    tuple((n, k, "") for k, n in enumerate(some[at : at + strips])), None, which, ends
-                )
 
 
 def _of_block(block: list[int], strips: int, channels: int, size: int) -> Iterator[Assignment]:

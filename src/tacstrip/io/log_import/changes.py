@@ -33,6 +33,7 @@ _UNIT = re.compile(
 _BARE_UNIT = re.compile(r"(?<![\w.,])(?<!\d\s)(?:[mu\u00b5]V|V_?ref)(?!\w)", re.IGNORECASE)
 _VERSION = re.compile(r"(?<![^\W_])(?:v|ver|version|rev|revision|build)[\s.:]{0,2}\d", re.IGNORECASE)
 _RESOLUTION = re.compile(r"\d\s?-?_?bits?\b|analogReadResolution", re.IGNORECASE)  # of which others ask
+_OF_PORT = re.compile(r"\binput[/ -]output\b", re.IGNORECASE)  # of a port that is gone
 _SENSOR = re.compile(
     r"(?:sensor|pad|skin|board|module?|device)[\s:=#]*(?:n[or]\.?\s?)?(?:\d+|[A-Z])[:.]?", re.IGNORECASE
 )
@@ -259,10 +260,10 @@ def speaks_of_writing(line: str) -> bool:
 
     Examples
     --------
-    >>> [speaks_of_writing(t) for t in ("fw 1.4 - output is ratiometric", "gain: 2", "wifi: connected", "fw OK")]
+    >>> [speaks_of_writing(t) for t in ("fw 1.4 - output is ratiometric", "gain: 2", "Input/output error", "fw OK")]
     [True, True, False, True]
     """
-    line = line[:_READ]
+    line = _OF_PORT.sub(" ", line[:_READ])
     return stated_vref(line) is None and bool(finder("writing").search(line) or _BARE_UNIT.search(line))
 
 

@@ -192,6 +192,27 @@ def _meanings(clues: Clues) -> dict[str, Meaning]:
     return found
 
 
+def _likely_strip(
+    clues: Clues, known: dict[str, Meaning], readings: dict[str, Meaning], time: str, scan: str, which: str
+) -> str:
+    """Return the column that may say which strip a line is of, where no name says it; ask, unless it counts them."""
+    some = [
+        n for n in clues.table.names if n not in {*readings, time, scan, which} and may_label_strips(clues, n)
+    ]
+    within = {n.rpartition(".")[0] for n in readings}  # of records: what stands beside readings goes first
+    some = [n for n in some if known[n].role != "time"] or some
+    some.sort(key=lambda n: n.rpartition(".")[0] not in within)
+    text = "no column says which strip a line is of"
+    if not some:
+        raise NoTableError(f"{text}; add one with its number")
+    strip = some[0]
+    if len(some) == 1 and counts_strips(clues, strip, [n for n in (time, scan) if n]):
+        clues.because(f"{strip}: counts up by one within each scan, from another number in some")
+    else:
+        clues.ask(strip, f"{text}: is it this one? Say it of the right one", "strip", of_form=True)
+    return strip
+
+
 def _find(clues: Clues, known: dict[str, Meaning]) -> Columns:
     given = {name: clues.answers[name] for name in clues.table.names if name in clues.answers}
     which = channel_column(clues, known)
@@ -219,24 +240,7 @@ def _find(clues: Clues, known: dict[str, Meaning]) -> Columns:
     if not readings:
         readings = readings_by_contents(clues, known, {time, scan, strip, which}, given)
     if not strip and all(m.strip is None for m in readings.values()):
-        some = [
-            n
-            for n in clues.table.names
-            if n not in {*readings, time, scan, which} and may_label_strips(clues, n)
-        ]
-        within = {
-            n.rpartition(".")[0] for n in readings
-        }  # of records: what stands beside readings goes first
-        some = [n for n in some if known[n].role != "time"] or some
-        some.sort(key=lambda n: n.rpartition(".")[0] not in within)
-        text = "no column says which strip a line is of"
-        if not some:
-            raise NoTableError(f"{text}; add one with its number")
-        strip = some[0]
-        if len(some) == 1 and counts_strips(clues, strip, [n for n in (time, scan) if n]):
-            clues.because(f"{strip}: counts up by one within each scan, from another number in some")
-        else:
-            clues.ask(strip, f"{text}: is it this one? Say it of the right one", "strip", of_form=True)
+        strip = _likely_strip(clues, known, readings, time, scan, which)
     readings = in_one_unit(clues, with_other_end(clues, known, readings, {time, scan, which}))
     for role, name in (("time", time), ("scan", scan if strip else ""), ("strip", strip), ("which", which)):
         if name:

@@ -36,6 +36,28 @@ def without_cut_end(table: Table, text: str) -> Table:
     return replace(table, rows=table.rows[:-1], lines=table.lines[:-1], broken=broken)
 
 
+def without_cut_units(table: Table) -> Table:
+    """Return a table whose rows are broken that end in a number without the unit that all others in it have.
+
+    Examples
+    --------
+    >>> rows = [["51.2%", "49.1%"]] * 30 + [["51.2%", "49"]]
+    >>> without_cut_units(Table(("h", "l"), rows, [*range(31)])).broken
+    (30,)
+    """
+    number = re.compile(rf"[-+]?\d+(?:{re.escape(table.decimal)}\d*)?\s?(%|[m\u00b5]?V)?")
+    said = [[m[1] for row in table.rows if (m := number.fullmatch(row[p]))] for p in range(len(table.names))]
+    marked = {p for p, of in enumerate(said) if 2 * sum(map(bool, of)) > len(of)}
+    units = {unit for p in marked for unit in said[p] if unit}
+    last = [max((p for p, cell in enumerate(row) if cell), default=0) for row in table.rows]
+    ends = [number.fullmatch(row[p]) for p, row in zip(last, table.rows, strict=True)]
+    cut = [n for n, m in enumerate(ends) if m and not m[1] and last[n] in marked]
+    if len(units) != 1 or not cut or len(cut) > max(1, _RARE * len(table.rows)):
+        return table
+    table = replace(table, broken=tuple(sorted({*table.broken, *(table.lines[n] for n in cut)})))
+    return table.of_rows(n for n in range(len(table.rows)) if n not in cut)
+
+
 def with_cut_lines_doubted(table: Table) -> Table:
     """Return a table with a doubt where lines end within a number: with fewer decimals than all other numbers have.
 

@@ -62,6 +62,43 @@ def in_one_unit(clues: Clues, readings: dict[str, Meaning]) -> dict[str, Meaning
     return {n: m for n, m in readings.items() if n in volts.values()}
 
 
+def _ask_for_twice(
+    clues: Clues, readings: dict[str, Meaning], chosen: dict[str, str], which: str, expected: tuple[str, ...]
+) -> None:
+    """Ask which of columns that are of one channel of a strip is meant, or of which sensor, and stop."""
+    many = Counter((m.strip, chosen[n]) for n, m in readings.items())
+    twice = [n for n, m in readings.items() if many[m.strip, chosen[n]] > 1]
+    key = (readings[twice[0]].strip, chosen[twice[0]])
+    alike = [n for n in twice if (readings[n].strip, chosen[n]) == key]
+    names, wide = list(readings), len(readings) // len(alike)
+    blocks = [names[n : n + wide] for n in range(0, len(names), wide)]
+    keys = [[(readings[n].strip or 0, chosen[n]) for n in block] for block in blocks]
+    whole = all(block == sorted({*block}) for block in keys)  # as an answer of columns is read
+    if whole and not which and clues.sensor and wide == clues.sensor.strips * len(expected):
+        clues.ask(
+            "readings", f"columns are of {len(blocks)} sensors, and the spec describes one: of which?",
+            *(f"{b[0]}..{b[-1]}" for b in blocks),
+        )  # fmt: skip
+        clues.stop()
+    clues.ask(
+        alike[1], f"{alike[0]!r} and {alike[1]!r} look like the same channel of a strip: which is it?",
+        "skip", *(expected if len(expected) > 1 else ()),
+    )  # fmt: skip
+    clues.stop()
+
+
+def _ask_for_each(clues: Clues, readings: dict[str, Meaning]) -> dict[str, str]:
+    """Ask of each column that no name says an end of what it is, and stop."""
+    for odd in [n for n, m in readings.items() if m.channel not in ("h", "l")]:
+        if len(fields := {*clues.table.column(odd)}) == _ENDS and all(number_of(f) is None for f in fields):
+            shown = " and ".join(map(repr, sorted(fields)))
+            clues.ask(odd, f"{odd!r} is {shown}: does it say which end a line is of?", "which", "skip")
+            continue
+        clues.ask(odd, f"is {odd!r} v_h, v_l, or neither?", "h", "l", "skip", *strip_too(clues, odd))
+    clues.stop()
+    return dict.fromkeys(readings, "h")
+
+
 def ends_of_columns(
     clues: Clues, readings: dict[str, Meaning], which: str, left: list[str]
 ) -> tuple[dict[str, str], bool]:
@@ -105,35 +142,10 @@ def ends_of_columns(
         )
         chosen = dict.fromkeys(readings, "h")
     else:
-        for odd in [n for n, m in readings.items() if m.channel not in ("h", "l")]:
-            if len(fields := {*clues.table.column(odd)}) == _ENDS and all(
-                number_of(f) is None for f in fields
-            ):
-                shown = " and ".join(map(repr, sorted(fields)))
-                clues.ask(odd, f"{odd!r} is {shown}: does it say which end a line is of?", "which", "skip")
-                continue
-            clues.ask(odd, f"is {odd!r} v_h, v_l, or neither?", "h", "l", "skip", *strip_too(clues, odd))
-        chosen = dict.fromkeys(readings, "h")
-        clues.stop()
+        chosen = _ask_for_each(clues, readings)
     many = Counter((m.strip, chosen[n]) for n, m in readings.items())
-    if twice := [n for n, m in readings.items() if many[m.strip, chosen[n]] > 1]:
-        key = (readings[twice[0]].strip, chosen[twice[0]])
-        alike = [n for n in twice if (readings[n].strip, chosen[n]) == key]
-        names, wide = list(readings), len(readings) // len(alike)
-        blocks = [names[n : n + wide] for n in range(0, len(names), wide)]
-        keys = [[(readings[n].strip or 0, chosen[n]) for n in block] for block in blocks]
-        whole = all(block == sorted({*block}) for block in keys)  # as an answer of columns is read
-        if whole and not which and clues.sensor and wide == clues.sensor.strips * len(expected):
-            clues.ask(
-                "readings", f"columns are of {len(blocks)} sensors, and the spec describes one: of which?",
-                *(f"{b[0]}..{b[-1]}" for b in blocks),
-            )  # fmt: skip
-            clues.stop()
-        clues.ask(
-            alike[1], f"{alike[0]!r} and {alike[1]!r} look like the same channel of a strip: which is it?",
-            "skip", *(expected if len(expected) > 1 else ()),
-        )  # fmt: skip
-        clues.stop()
+    if any(n > 1 for n in many.values()):
+        _ask_for_twice(clues, readings, chosen, which, expected)
     for channel in CHANNELS:
         if names := [n for n in readings if chosen[n] == channel and not paired and not which]:
             clues.because(f"{names[0]}{' ... ' + names[-1] if len(names) > 1 else ''}: v_{channel}")

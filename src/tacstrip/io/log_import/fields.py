@@ -26,7 +26,7 @@ _OVER = re.compile(
 _DAY_S = 86400.0
 _GARBLED_RUN = 2.5  # letters beyond ASCII next to each other, in the mean
 _GROUPED = re.compile(r"(?<=\d)[ '\u2009\u202f\xa0\u2019](?=\d{3}(?!\d))")
-_OF_DAY = r"(?P<h>\d{1,2}):(?P<m>\d\d):(?P<s>\d\d(?:[.,]\d+|:\d{3,6})?)\s*(?P<half>[AaPp]\.?[Mm]\.?)?"
+_OF_DAY = r"(?P<h>\d{1,2}):(?P<m>\d\d):(?P<s>\d\d(?:[.,]\d+|::?\d{3,6})?)\s*(?P<half>[AaPp]\.?[Mm]\.?)?"
 _DATE = (
     r"(?:(?P<Y>\d{4})[-/.](?P<M>\d\d?)[-/.](?P<D>\d\d?)"
     r"|(?P<a>\d\d?)(?P<mark>[-/. ])(?P<b>\d\d?|[A-Za-z]{3,9}\.?)[-/. ](?P<y>\d{4}|\d\d))"
@@ -34,7 +34,7 @@ _DATE = (
 _ZONE = r"(?:\s*(?:Z|UTC|[+-]\d\d:?\d\d)|[+-]\d\d(?![\d.,:]))?"
 _OFFSET = re.compile(r"([+-])(\d\d):?(\d\d)?\Z")
 STAMP = rf"(?:{_DATE}(?:[T_]|,? +))?{_OF_DAY}{_ZONE}"  # a date, if any, and a time of day
-_CLOCK = re.compile(rf"(?:{_DATE}[T ,_]+)?{_OF_DAY}{_ZONE}")
+_CLOCK = re.compile(rf"(?:{_DATE}[T ,_/]+)?{_OF_DAY}{_ZONE}")
 _COMPACT = re.compile(r"(\d{4})(\d\d)(\d\d)[T_ -](\d\d)(\d\d)(\d\d(?:\.\d+)?)")
 _MINUTES = re.compile(r"(\d{1,3}):(\d\d(?:[.,]\d+)?)")
 _HALF = r"\s*[AaPp]\.?[Mm]\.?"
@@ -153,6 +153,8 @@ def clock_seconds(text: str, day_first: bool = False) -> float | None:
     (54245.5, 62.5, None)
     >>> clock_seconds("2026/3/14 9:0:7") % 86400.0, clock_seconds("'26-03-14 09:00:07") % 86400.0
     (32407.0, 32407.0)
+    >>> clock_seconds("2026/03/14/ 09:00:07::125") % 86400.0  # of Serial Studio
+    32407.125
     >>> clock_seconds("2026-03-14 14:05") % 86400.0, clock_seconds("2:05 PM"), clock_seconds("2:05:00 PM")
     (50700.0, 50700.0, 50700.0)
     """
@@ -174,7 +176,7 @@ def clock_seconds(text: str, day_first: bool = False) -> float | None:
     if half and not 1 <= hour <= 12:
         return None
     hour = hour % 12 + 12 * (half == "p") if half else hour
-    seconds = float(re.sub("[,:]", ".", found["s"]))
+    seconds = float(re.sub("[,:]+", ".", found["s"]))
     if hour > 24 or int(found["m"]) > 59 or seconds > 61.0:
         return None
     of_day = hour * 3600.0 + int(found["m"]) * 60.0 + seconds

@@ -307,19 +307,21 @@ class _Gathering:
     def _without_count(self, usual: frozenset[str]) -> tuple[frozenset[str], list[str]]:
         """Return the usual names and those of strips, without one that only says how many there are.
 
-        A number without a name then says which one a line is of.
+        Another name, or a number without one, then says which one a line is of.
         """
-        strips = [n for n in self.records[0].values if n in usual and meaning(n).role == "strip"]
-        if (
-            strips
-            and _NAMELESS in usual
-            and len({*(tuple(map(r.values.get, strips)) for r in self.records)}) == 1
-        ):
-            once = strips.pop()
-            self.above += [i for i, found in self.parsed if once in _fields(found)]
-            for one in (*(r.values for r in self.records), *(v.labels for v in (*self.void, *self.timed))):
-                one.pop(once, None)
-            usual = usual - {once}
+        first = next(r for r in self.records if usual <= {*r.values})
+        strips = [n for n in first.values if n in usual and meaning(n).role == "strip"]
+        lines = {n: [i for i, found in self.parsed if n in _fields(found)] for n in strips}
+        same = [n for n in strips if len({r.values.get(n) for r in self.records}) == 1]
+        once = [n for n in same if len(strips) > 1 and len(lines[n]) == 1]
+        once = once or (strips[-1:] if len(same) == len(strips) and _NAMELESS in usual else [])
+        for name in once:
+            strips.remove(name)
+            self.above += lines[name]
+            voids = (v.labels for v in (*self.void, *self.timed))
+            for one in (self.labels, *(r.values for r in self.records), *voids):
+                one.pop(name, None)
+            usual = usual - {name}
         return usual, strips or [n for n in usual if n == _NAMELESS]
 
     def _end(self) -> None:
@@ -370,7 +372,14 @@ class _Gathering:
             self.records[one.place : one.place] = [_Record(values, one.line, one.line, []) for values in made]
 
     def _drop_hit(self, words: set[str]) -> None:
-        """Leave out scans of touched strips within which a line is not understood: what it says is not known."""
+        """Leave out scans of touched strips within which a line is not understood: what it says is not known.
+
+        Where each line holds several strips, all of a scan, the line is another scan.
+        """
+        whole = all(len(r.parts) == 1 for r in self.records if r.parts)
+        numbers = [{m[2] for n in r.values if (m := _STRIP_NAMED.match(n))} for r in self.records]
+        if whole and any(len(strips) > 1 for strips in numbers):
+            return
         ends = [*(r.begin for r in self.records[1:]), self.parsed[-1][0] + 1]
         lost = [i for i in self.strange if not is_prose(self.texts[i], words)]
         hit = [any(r.begin <= i < end for i in lost) for r, end in zip(self.records, ends, strict=True)]

@@ -27,7 +27,14 @@ from tacstrip.io.log_import.mapping import STRIP_ORDERS, ColumnMapping
 from tacstrip.io.log_import.names import CLOCKS, IN_VOLTS, is_strip_word, meaning, meanings
 from tacstrip.io.log_import.neighbours import order_of_neighbours
 from tacstrip.io.log_import.others import drop_others
-from tacstrip.io.log_import.questions import KEYS, ROLES, Clues, Question, Unanswered
+from tacstrip.io.log_import.questions import (
+    KEYS,
+    ROLES,
+    Clues,
+    Question,
+    Unanswered,
+    UnknownAnswerError,
+)
 from tacstrip.io.log_import.scans import (
     LogScan,
     is_newest_first,
@@ -112,11 +119,26 @@ def propose(
     given = dict(answers or {})
     try:
         return told(given)
+    except UnknownAnswerError as error:
+        raise OptionError(f"{error}; {_asks(told, given, error.key)}") from None
     except Unanswered as asked:  # what has a default is not asked beside the rest
         known = {q.key: q.default for q in asked.questions if q.default}
         if not known:
             raise
         return told(given | known)
+
+
+def _asks(told: Callable[[dict[str, str]], Proposal], given: dict[str, str], unknown: str) -> str:
+    """Return what a log asks that was given an answer to nothing."""
+    try:
+        told({key: answer for key, answer in given.items() if key != unknown})
+    except Unanswered as asked:
+        return f"the log asks for: {', '.join(q.key for q in asked.questions)}"
+    except UnknownAnswerError as other:
+        return f"nor has {other.key!r}"
+    except (ReadingError, OptionError) as error:
+        return f"without it: {error}"
+    return "the log asks nothing: leave it out"
 
 
 def settled(table: Table, read: Callable[[Table], Read], strips: int = 0, channels: int = 0) -> Read:
@@ -673,8 +695,10 @@ def _missing(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> str:
     except ReadingError as error:
         if not any(said in str(error) for said in ("no line for", "lacks a value", "no column is of")):
             raise
-        # Scans beside torn lines are left out.
-        whole = not clues.table.broken or (mapping.strip and are_torn(clues.table))
+        # Scans beside torn lines are left out, or torn lines are scans.
+        table = clues.table
+        a_line_each = table.varied or len({*table.lines}) == len(rough) < len(table.lines)
+        whole = not table.broken or a_line_each or (mapping.strip and are_torn(table))
         if whole and _only_touched(clues.table, mapping, rough):
             clues.because(
                 "only touched strips have lines: they lie side by side, and none is without a reading"

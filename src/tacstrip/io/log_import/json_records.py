@@ -17,6 +17,7 @@ from tacstrip.io.log_import.fields import is_prose
 from tacstrip.io.log_import.gathered import touched_vary
 from tacstrip.io.log_import.literals import literal, literals
 from tacstrip.io.log_import.names import meaning
+from tacstrip.io.log_import.nested import regular
 from tacstrip.io.log_import.strays import numbered
 from tacstrip.io.log_import.table import CLOCK, Table, flattened, of_records, said_above
 from tacstrip.io.log_import.xml_records import of_xml
@@ -67,11 +68,14 @@ def of_values(
     value: Any, path: str | Path, told: str = "records in JSON", *, numbered: bool = False
 ) -> Table | None:
     """Return records, lists or an object of columns as a table; None where they are none. Perhaps with their lines."""
-    above: tuple[str, ...] = ()
-    value = value if numbered else _without_keys(value)
+    if numbered:
+        rows_, above = regular([row for _, row in value])
+        value = [(i, row) for (i, _), row in zip(value, rows_, strict=True)]
+    else:
+        value, above = regular(value)
     found = value if numbered else list(enumerate(_rows_of(_named_within(value) or value), 1))
     if not numbered and isinstance(value, dict) and found[0][1] is not value:
-        above = said_above({k: v for k, v in value.items() if not isinstance(v, list)})
+        above += said_above({k: v for k, v in value.items() if not isinstance(v, list)})
     rows = [(i, row) for i, row in found if isinstance(row, list | tuple)]
     if rows and len(rows) == len(found):
         table = _of_lists(rows)
@@ -105,29 +109,6 @@ def of_values(
     return replace(
         table, names=_described(table.names, above), preamble=above, varied=varied, empty=frozenset(empty)
     )
-
-
-def _without_keys(value: Any) -> Any:
-    """Return an object with a list in place of records under keys of their own, as databases make them.
-
-    A record with a time, or with a list shorter than there are records, is a scan, not a strip's.
-
-    Examples
-    --------
-    >>> _without_keys({"log": {f"-Nr{n}": {"t": n, "h": [5, 6]} for n in range(2)}})["log"]
-    [{'t': 0, 'h': [5, 6]}, {'t': 1, 'h': [5, 6]}]
-    """
-    if not isinstance(value, dict):
-        return value
-    rows = [*value.values()]
-    alike = all(isinstance(r, dict) and [*r] == [*rows[0]] for r in rows)
-    if alike and len(rows) > 1 and not any(meaning(k).role for k in value):
-        counted = any(
-            meaning(k).role in ("time", "scan") and not isinstance(v, list) for k, v in rows[0].items()
-        )
-        longest = max((len(v) for r in rows for v in r.values() if isinstance(v, list)), default=0)
-        return rows if counted or 0 < longest < len(rows) else value  # longer ones are series
-    return {k: _without_keys(v) for k, v in value.items()}
 
 
 def _with_untouched(found: Sequence[tuple[int, Any]]) -> list[tuple[int, Any]]:
@@ -254,6 +235,8 @@ def _json(text: str, path: str | Path) -> tuple[list[tuple[int, Any]] | None, li
     except RecursionError:
         raise ReadingError(f"{path}: JSON of too many levels") from None
     except ValueError:
+        if isinstance(whole := literal(text), list | tuple) and len(whole) > 1:
+            return list(enumerate(whole, 1)), []
         for number, line in enumerate(plain.splitlines(), 1):
             try:
                 found += [(number, json.loads(line.rstrip().rstrip(",")))] if line.strip() else []
@@ -283,6 +266,14 @@ def _rows_of(value: Any) -> list[Any]:
     if columns := columns_within(value):
         return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
     value = _with_names(value) if isinstance(value, dict) else value
+    parts = _unfolded("", value) if isinstance(value, dict) else {}
+    tables = [
+        v
+        for v in parts.values()
+        if isinstance(v, list) and len(v) > 1 and all(isinstance(r, dict) for r in v)
+    ]
+    if len(tables) == 1 == sum(isinstance(v, list) for v in parts.values()) and not _series_within(tables[0]):
+        return tables[0]
     lists = {k: v for k, v in value.items() if isinstance(v, list)} if isinstance(value, dict) else {}
     tables = [v for v in lists.values() if v and all(isinstance(r, dict) for r in v)]
     if len(tables) == 1 and len(lists) == 1 and len(tables[0]) > 1:

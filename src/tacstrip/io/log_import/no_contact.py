@@ -7,7 +7,7 @@ from collections import Counter
 
 import numpy as np
 
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.errors import OptionError, ReadingError
 from tacstrip.io.log_import.columns import Columns
 from tacstrip.io.log_import.fields import clock_seconds, number_of, says_nothing
@@ -110,6 +110,13 @@ def settle_words(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
     ):
         clues.because(f"{word}: no contact, for both channels of a strip have it at once, and none alone")
         return
+    over = any(map(_OVER_RANGE.fullmatch, mapping.untouched))
+    if values.shape[2] == 1 and _are_apart(idle[:, :, 0]) and not (doubtful or over):
+        clues.doubt(
+            f"{word!r} is taken for no contact: strips without it lie side by side, and whole scans have it; else take "
+            "these lines out"
+        )
+        return
     words = [w for w in mapping.untouched if _OVER_RANGE.fullmatch(w)]
     if values.shape[2] == 1 and len(words) == len(mapping.untouched) == 1 and _is_open(values[:, :, 0]):
         clues.because(
@@ -120,6 +127,13 @@ def settle_words(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
     clues.ask(
         "untouched", f"{word!r} is no number; does it stand for no contact?", ",".join(mapping.untouched)
     )
+
+
+def _are_apart(idle: BoolArray) -> bool:
+    """Return whether strips that are not idle, (scans, strips), lie side by side in each scan, and some have none."""
+    side_by_side = all(row[np.argmax(row) :][: row.sum()].all() for row in ~idle)
+    several = ((~idle).sum(axis=1) > 1).any()
+    return bool(side_by_side and several and _MANY < idle.mean() < 1.0 and idle.all(axis=1).mean() > _MANY)
 
 
 def _is_open(values: FloatArray) -> bool:
@@ -204,7 +218,7 @@ def _at_an_end(clues: Clues, values: FloatArray, rest: list[float]) -> list[str]
         told = f"{100 * there.mean():.0f} % of the readings are exactly {end:g}, and no other is near"
         if values.shape[2] == 2 and (there[:, :, 0] == there[:, :, 1]).all():
             told = f"{end:g} stands for no contact: both channels of a strip have it at once, and none alone"
-        elif values.shape[2] == 1 and end == 0.0 and _is_alone(values, end) and there.all(axis=(1, 2)).any():
+        elif values.shape[2] == 1 and _is_alone(values, end) and there.all(axis=(1, 2)).any():
             told += ", and strips without it lie side by side: it stands for no contact"
         else:
             told += ": does it stand for no contact, or is it a reading (none)?"

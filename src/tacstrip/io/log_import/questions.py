@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from tacstrip.errors import OptionError, one_of
@@ -21,6 +22,7 @@ OF_FORM = ("broken_lines", "rate_hz", "order", "which_h", "missing", "untouched"
 _STEP = re.compile(r"(\d+(?:\.\d+)?)\s?([mu]?V)")
 _OF_BITS = re.compile(r"(\d{1,2}) ?-?bits?")  # codes of these
 _PART = re.compile(r"1/(\d{1,9})")  # of Vref, as of a full-scale code of no power of two
+_SHOWN = 8  # columns
 _BASES = {"0-based": "0", "1-based": "1"}  # strips=1-based says strip_base=1
 
 
@@ -43,6 +45,17 @@ class Question:
     def __str__(self) -> str:
         ways = [f"{self.key}={choice}" for choice in self.choices]
         return self.text + "  " * bool(ways) + " or ".join(f"--answer {_for_shell(way)}" for way in ways)
+
+
+class UnknownAnswerError(OptionError):
+    """An answer to no question, for which no column has the name either."""
+
+    def __init__(self, key: str, answer: str, names: Sequence[str]) -> None:
+        shown = ", ".join(names[:_SHOWN]) + (", ..." if len(names) > _SHOWN else "")
+        super().__init__(
+            f"--answer {key}={answer}: no question has the key {key!r}, and no column is called so (they are: {shown})"
+        )
+        self.key = key
 
 
 class Unanswered(Exception):  # noqa: N818, it is no error of the user's
@@ -98,10 +111,7 @@ class Clues:
                 self.answers = self.answers | {key: "skip"}
                 continue
             if key not in KEYS and not named:
-                raise OptionError(
-                    f"--answer {key}={answer}: no question has that key, and no column that name; "
-                    + one_of("key", key, (*KEYS, *self.table.names))
-                )
+                raise UnknownAnswerError(key, answer, self.table.names)
             if (
                 named
                 and key not in KEYS

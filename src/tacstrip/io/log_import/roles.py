@@ -32,6 +32,7 @@ from tacstrip.io.log_import.table import CLOCK, ROW
 
 # So far, and s, two clocks may differ, of which one is read when a line has come.
 _AS_LONG, _LATE_S = 0.25, 0.1
+_OFTEN = 10  # times that a number of a unit of time rises, if not evenly
 _ON_PITCH = 0.02  # of the pitch
 
 _NUMBER = re.compile(r"n|nr|no|num|number|id|idx|index|i|k|nummer|numero|numer", re.IGNORECASE)
@@ -82,7 +83,8 @@ def with_time_by_unit(clues: Clues, known: dict[str, Meaning]) -> dict[str, Mean
     found = [
         n for n, m in known.items()
         if m.role in ("", "scan") and unit_in(n) in TIME_UNITS and n not in clues.answers
-        and rises_as_a_clock(clues.values(n)) and rises_evenly(clues.values(n))
+        and rises_as_a_clock(clues.values(n))
+        and (rises_evenly(clues.values(n)) or (len(unit_in(n)) > 1 and len({*clues.values(n)}) >= _OFTEN))
     ]  # fmt: skip
     found = found or [
         n for n, m in known.items()

@@ -63,13 +63,7 @@ def of_runs(text: str) -> Table | None:
     Other lines between are messages if they are words, and broken if they may hold readings.
     """
     every = [(n, line) for n, line in enumerate(text.splitlines(), 1) if line.strip()]
-    words = Counter(w for _, line in every for w in {m["word"] for m in _LABEL.finditer(line)} - {""})
-    best: dict[int, _Line] = {}
-    label = ""
-    for word in ["", *(word for word, _ in words.most_common(_WORDS))]:
-        found = {n: made for n, line in every if (made := _parsed(line, word)) is not None}
-        best = found if len(found) > len(best) else best
-        label = word if best is found else label
+    label, best = _most_labelled(every)
     if len(best) < _FEW or not any("".join(p) for line in best.values() for p in line.pairs.values()):
         return None
     heads, _ = Counter(tuple(name for name, _ in line.fields) for line in best.values()).most_common(1)[0]
@@ -91,14 +85,38 @@ def of_runs(text: str) -> Table | None:
     first = min({*best} - {*cut})
     odd = [(n, line) for n, line in every if n > first and n not in best]
     numeric = [n for n, line in odd if _may_be_cut(line, label, form[0])]
+    numeric += [n for n, line in every if n < first and _holds_strips(line, label, usual)]
     broken = sorted({*numeric, *cut, *strange})
     if len(best) - len(cut) < max(_FEW, (1.0 - _USUAL) * (len(best) + len(numeric))):
         return None
     best = {n: line for n, line in best.items() if n not in cut}
     above = [line for n, line in every if n < first and n not in strange]
     around = [*above, *(line for n, line in odd if n not in broken)]
+    return _table(
+        best, dict(every), label, form, above, around, [n for n, _ in odd if n not in broken], broken, voids
+    )
+
+
+def _most_labelled(every: Sequence[tuple[int, str]]) -> tuple[str, dict[int, _Line]]:
+    """Return the word before strips' numbers by which most lines are understood, and these lines."""
+    words = Counter(w for _, line in every for w in {m["word"] for m in _LABEL.finditer(line)} - {""})
+    best: dict[int, _Line] = {}
+    label = ""
+    for word in ["", *(word for word, _ in words.most_common(_WORDS))]:
+        found = {n: made for n, line in every if (made := _parsed(line, word)) is not None}
+        best = found if len(found) > len(best) else best
+        label = word if best is found else label
+    return label, best
+
+
+def _table(
+    best: Mapping[int, _Line], texts: Mapping[int, str], label: str, form: tuple[str, str], above: Sequence[str],
+    around: Sequence[str], messages: Sequence[int], broken: Sequence[int], voids: Mapping[int, _Line],
+) -> Table:  # fmt: skip
+    """Return lines as a table of a line per strip; others are `above` them or `around`, messages or broken."""
     order = order_said([*around, form[1]])
-    titles = _names(above, best[first], dict(every)[first])
+    first = min(best)
+    titles = _names(above, best[first], texts[first])
     names, kept = _of_fields(titles, [line.fields for line in best.values()])
     unit = _unit_of(best, f"{form[0]} {form[1]}")
     counted = not any(meaning(name).role in ("time", "scan") for name in names)
@@ -119,12 +137,10 @@ def of_runs(text: str) -> Table | None:
         f"each line has a pair of values for each strip, such as {' and '.join(values)} of strip {label}{strip}; the "
         f"{'two' if order else 'first is called a, the second b'}"
     ]
-    messages = [n for n, _ in odd if n not in broken]
     if messages:
         shown = ", ".join(map(str, messages[:_SHOWN])) + (", ..." if len(messages) > _SHOWN else "")
         told.append(f"line(s) {shown}: messages among the readings, passed over")
     ends = [f"{end}{unit}" for end in order or "ab"]
-    texts = dict(every)
     return Table(
         (*["scan"] * counted, *["source"] * several, *names, "strip", *ends), rows, lines, ".", True, tuple(told),
         tuple(broken),
@@ -161,6 +177,13 @@ def _may_be_cut(line: str, word: str, form: str) -> bool:
     )
 
 
+def _holds_strips(line: str, word: str, usual: Sequence[str]) -> bool:
+    """Return whether a line has the labels of the usual strips, and numbers behind some, whatever stands between."""
+    form = _LABEL if word else _BARE
+    found = [m["strip"] for m in form.finditer(line) if m["word"] == word and m["sign"].strip()]
+    return found == [*usual] and bool(re.search(r"\d", form.sub("", line[line.index(found[0]) :])))
+
+
 def _parsed(line: str, word: str, fewest: int = 2) -> _Line | None:
     """Return a line's parts; None where it has not as many labels or more that count up, each with a pair or a void."""
     labels = [m for m in _LABEL.finditer(line) if m["word"] == word] if word else [*_BARE.finditer(line)]
@@ -170,7 +193,7 @@ def _parsed(line: str, word: str, fewest: int = 2) -> _Line | None:
             runs[-1].append(m)
         else:
             runs.append([m])
-    run = max(runs, key=len, default=[])
+    run = max(runs[::-1], key=len, default=[])  # of runs as long the last: before it stands a time
     while len(run) >= fewest:  # what stands before may look like a label, as a time in "5 0: 1/2 1: 3/4"
         made = _of_run(line, run)
         if made is not None:

@@ -309,79 +309,94 @@ def _scans(
     strips = _placed(strip_numbers(table, mapping), table, mapping) if mapping.strip else None
     which = which_channels(table, mapping) if mapping.which else None
     columns = _targets(table, mapping)
-    number = table.column(mapping.scan) if mapping.scan else None
-    shape = (mapping.strips, len(channels))
-    scan: LogScan | None = None
-    seen: dict[tuple[int, int], int] = {}
+    targets = [
+        [
+            (name, place, strips[n] if strips else strip, channels.index(which[n]) if which else end)
+            for name, place, strip, end in columns
+        ]
+        for n in range(len(table.lines))
+    ]
+    places = [[(strip, end) for *_, strip, end in of] for of in targets]
+    begins = [*_begins(table, times, mapping, strips, which, places, by_time)]
+    parts = [*itertools.pairwise([*begins, len(table.lines)])]
     backwards = not by_time and table.lines[0] > table.lines[-1]  # the newest stood first
-    count, last, ended = -1, 0, np.inf if backwards else 0.0
+    broken = _broken_beside(table, parts)
+    ended = np.inf if backwards else 0.0
+    for count, (first, after) in enumerate(parts):
+        time = float(times[first]) if times is not None else count / (mapping.rate_hz or np.inf)
+        scan = LogScan(time, np.full((mapping.strips, len(channels)), np.nan), table.lines[first])
+        seen: dict[tuple[int, int], int] = {}
+        for n in range(first, after):
+            for name, place, strip, end in targets[n]:
+                text, line = table.rows[n][place], table.lines[n]
+                try:
+                    scan.values[strip, end] = field_value(text, table.decimal, untouched, mapping.zero)
+                except ValueError:
+                    raise ReadingError(
+                        f"line {line}: {name} is {text!r}, not a number; if it stands for no contact, "
+                        f"--answer untouched={text}"
+                    ) from None
+                seen[strip, end] = line
+        until = table.lines[after] if after < len(table.lines) else 0.0 if backwards else np.inf
+        low, high = (until, ended) if backwards else (ended, until)
+        lacks = (mapping.strip or mapping.which) and len(seen) < scan.values.size
+        if lacks and (mapping.missing == "skip" or any(low < b < high for b in broken)):
+            dropped.append(scan.line)
+        else:
+            yield _complete(scan, seen, mapping)
+        ended = table.lines[after - 1]
+
+
+def _broken_beside(table: Table, parts: Sequence[tuple[int, int]]) -> list[int]:
+    """Return the broken lines that may have been of a scan of which others are read; `parts` are scans' rows.
+
+    What stands below the rows with something else in between is of none. Where lines hold several strips, and each
+    scan is one line, a broken one is a scan of its own.
+    """
+    every = {*table.lines}
+    if len(every) < len(table.lines) and all(table.lines[a] == table.lines[b - 1] for a, b in parts):
+        return []
+    consecutive = max(every) - min(every) == len(every) - 1
+    return [b for b in table.broken if not (consecutive and b > max(every) + 1)]
+
+
+def _begins(
+    table: Table, times: FloatArray | None, mapping: ColumnMapping, strips: list[int] | None,
+    which: Sequence[str] | None, places: Sequence[Sequence[tuple[int, int]]], by_time: bool,
+) -> Iterator[int]:  # fmt: skip
+    """Yield the rows with which scans begin; `places` are the strip and the channel of each value of each row."""
     period = _A_PERIOD * _period(times, strips) if times is not None and strips else np.inf
     if times is not None and strips is not None:
         keys = list(zip(strips, which or [""] * len(strips), strict=True))
         by_time = by_time or are_of_one_time(times.tolist(), keys)
-
-    # What stands below the rows with something else in between is of none.
-    every = {*table.lines}
-    consecutive = max(every) - min(every) == len(every) - 1
-    broken = [b for b in table.broken if not (consecutive and b > max(every) + 1)]
-
-    def between(line: int, until: float) -> bool:
-        return until < line < ended if backwards else ended < line < until
-
-    def closed(scan: LogScan, until: float) -> Iterator[LogScan]:
-        per_line = mapping.strip or mapping.which
-        lacks = per_line and len(seen) < scan.values.size
-        if lacks and (mapping.missing == "skip" or any(between(b, until) for b in broken)):
-            dropped.append(scan.line)
-        else:
-            yield _complete(scan, seen, mapping)
-
+    number = table.column(mapping.scan) if mapping.scan else None
+    seen: dict[tuple[int, int], int] = {}
     for n, line in enumerate(table.lines):
-        targets = [
-            (name, place, strips[n] if strips else strip, channels.index(which[n]) if which else end)
-            for name, place, strip, end in columns
-        ]
-        again = any((strip, end) in seen for _, _, strip, end in targets)
+        last = n - 1
+        again = any(place in seen for place in places[n])
         twice = again and strips and mapping.strips > 1 and strips[n] == strips[last] and len(seen) > 1
-        if scan is not None and not table.empty.isdisjoint((line, table.lines[last])):
+        if n and not table.empty.isdisjoint((line, table.lines[last])):
             new = line != table.lines[last]
-        elif number is not None and scan is not None:
+        elif number is not None and n:
             new = number[n] != number[last]
-        elif by_time and times is not None and scan is not None:
+        elif by_time and times is not None and n:
             new = bool(times[n] != times[last])
         elif twice and times is not None and times[n] == times[last] and not which:
             new = False
-        elif times is not None and scan is not None and strips and not again:
+        elif times is not None and n and strips and not again:
             later = strips[n] <= strips[last] or times[n] - times[last] > period
             new = bool(times[n] != times[last]) and later and not which
         else:
-            new = scan is None or again
+            new = not n or again
         if new:
-            if scan is not None:
-                yield from closed(scan, line)
-                ended = table.lines[last]
-            count += 1
-            time = float(times[n]) if times is not None else count / (mapping.rate_hz or np.inf)
-            scan, seen = LogScan(time, np.full(shape, np.nan), line), {}
+            yield n
+            seen = {}
         elif again:
-            strip, end = next((s, e) for _, _, s, e in targets if (s, e) in seen)
+            strip, end = next(place for place in places[n] if place in seen)
             raise NoTableError(
                 f"line {line}: strip {strip + mapping.strip_base} is already on line {seen[strip, end]} of its scan"
             )
-        assert scan is not None
-        for name, place, strip, end in targets:
-            text = table.rows[n][place]
-            try:
-                scan.values[strip, end] = field_value(text, table.decimal, untouched, mapping.zero)
-            except ValueError:
-                raise ReadingError(
-                    f"line {line}: {name} is {text!r}, not a number; if it stands for no contact, "
-                    f"--answer untouched={text}"
-                ) from None
-            seen[strip, end] = line
-        last = n
-    if scan is not None:
-        yield from closed(scan, 0.0 if backwards else np.inf)
+        seen |= dict.fromkeys(places[n], line)
 
 
 def are_of_one_time(times: Sequence[object], keys: Sequence[tuple[object, object]]) -> bool:

@@ -21,6 +21,7 @@ from tacstrip.io.log_import.uneven import (
     below_an_index,
     filled_fields,
     in_first_order,
+    names_columns,
     under_more_names,
 )
 
@@ -60,32 +61,7 @@ def separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) -
     if not data:
         raise ReadingError(f"{path}: nothing but comments")
     separator, width = separator_of(data, path)
-    remarked = [_REMARK.search(line) for _, line in data]
-    if 0 < sum(map(bool, remarked)) < 0.5 * len(data):
-        data = [
-            (i, line[: m.start()] if m and len(fields_of(line[: m.start()], separator)) == width else line)
-            for (i, line), m in zip(data, remarked, strict=True)
-        ]
-    split = [(i, fields_of(line, separator)) for i, line in data]
-    split = [(i, row[:-1] if len(row) == width + 1 and not row[-1] else row) for i, row in split]
-    if any(len(row) == width and are_remarks(row[-1:]) for _, row in split):  # which are the rest of a line
-        split = [
-            (i, [*row[: width - 1], f"{separator} ".join(rest)])
-            if len(rest := row[width - 1 :]) > 1 and not any(is_value(c, ".") for c in rest)
-            else (i, row)
-            for i, row in split
-        ]
-    marks = [
-        n
-        for n in range(width)
-        if all(re.fullmatch(r"[/|:&]", row[n]) for _, row in split[1:] if len(row) == width)
-    ]
-    if 0 < len(marks) < width and sum(len(row) == width for _, row in split) > 1:  # between fields, and none
-        split = [
-            (i, [c for n, c in enumerate(row) if n not in marks] if len(row) == width else row)
-            for i, row in split
-        ]
-        width -= len(marks)
+    split, width = _rows(data, separator, width)
     split, width, lacking = under_more_names(split, comments, width, separator)
     split = _in_decimals(below_an_index(split, width), width)
     line, top = split[0]
@@ -124,6 +100,45 @@ def separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) -
             f"line(s) {', '.join(map(str, out))}: readings that are commented out; passed over",
         )
     table = headed(split, width, decimal, tuple(filter(None, remarks)), named, above)
+    return in_blocks(_without_lacking_remarks(table, lacking, decimal), labels, blank)
+
+
+def _rows(data: list[tuple[int, str]], separator: str, width: int) -> tuple[list[tuple[int, list[str]]], int]:
+    """Return lines as fields, without remarks behind them and marks between, and how many fields most have."""
+    remarked = [_REMARK.search(line) for _, line in data]
+    if 0 < sum(map(bool, remarked)) < 0.5 * len(data):
+        data = [
+            (i, line[: m.start()] if m and len(fields_of(line[: m.start()], separator)) == width else line)
+            for (i, line), m in zip(data, remarked, strict=True)
+        ]
+    split = [(i, fields_of(line, separator)) for i, line in data]
+    split = [(i, row[:-1] if len(row) == width + 1 and not row[-1] else row) for i, row in split]
+    if _have_remarks(split, width):
+        split = [(i, [*row, ""] if len(row) == width else row) for i, row in split]
+        width += 1
+    if any(len(row) == width and are_remarks(row[-1:]) for _, row in split):  # which are the rest of a line
+        split = [
+            (i, [*row[: width - 1], f"{separator} ".join(rest)])
+            if len(rest := row[width - 1 :]) > 1 and not any(is_value(c, ".") for c in rest)
+            else (i, row)
+            for i, row in split
+        ]
+    marks = [
+        n
+        for n in range(width)
+        if all(re.fullmatch(r"[/|:&]", row[n]) for _, row in split[1:] if len(row) == width)
+    ]
+    if 0 < len(marks) < width and sum(len(row) == width for _, row in split) > 1:  # between fields, and none
+        split = [
+            (i, [c for n, c in enumerate(row) if n not in marks] if len(row) == width else row)
+            for i, row in split
+        ]
+        width -= len(marks)
+    return split, width
+
+
+def _without_lacking_remarks(table: Table, lacking: tuple[str, ...], decimal: str) -> Table:
+    """Return a table without the names for which no line has a field, if these are of remarks; else it lacks them."""
     last = [r[-1 - len(lacking)] for r in table.rows]  # the last fields that are there
     if (
         lacking
@@ -131,10 +146,15 @@ def separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) -
         and any(c and (is_value(c, decimal) or says_nothing(c)) for c in last)
     ):
         said = f"no line has as many fields as there are names: taken as if {', '.join(lacking)} were missing"
-        table = replace(table, doubts=(*table.doubts, said))
-    else:
-        table = replace(table, lacking=lacking)
-    return in_blocks(table, labels, blank)
+        return replace(table, doubts=(*table.doubts, said))
+    return replace(table, lacking=lacking)
+
+
+def _have_remarks(split: list[tuple[int, list[str]]], width: int) -> bool:
+    """Return whether some rows have one field more than the others, of words, below a name such as "Comment"."""
+    longer = [row for _, row in split if len(row) == width + 1]
+    rows = [row for row in longer if not is_value(row[-1], ".") and not names_columns(row)]
+    return bool(rows) and any(names_columns(row) and are_remarks(row[-1:]) for row in longer)
 
 
 def _names_said(line: str, width: int, separator: str) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.announced import with_announced
-from tacstrip.io.log_import.box_print import without_boxes
+from tacstrip.io.log_import.box_print import upright_records, without_boxes
 from tacstrip.io.log_import.by_content import of_content
 from tacstrip.io.log_import.changes import in_parts
 from tacstrip.io.log_import.channel_names import (
@@ -17,7 +17,7 @@ from tacstrip.io.log_import.channel_names import (
     with_channel_names,
 )
 from tacstrip.io.log_import.conversion import resolutions
-from tacstrip.io.log_import.cut import with_cut_lines_doubted, without_cut_end
+from tacstrip.io.log_import.cut import with_cut_lines_doubted, without_cut_end, without_cut_units
 from tacstrip.io.log_import.delimiters import of_sent, without_prefix
 from tacstrip.io.log_import.dialects import of_dialect
 from tacstrip.io.log_import.envelope import (
@@ -41,6 +41,7 @@ from tacstrip.io.log_import.statements import untouched_said
 from tacstrip.io.log_import.strays import numbered, with_retries, without, without_messages
 from tacstrip.io.log_import.table import Table
 from tacstrip.io.log_import.thousands import without_thousands
+from tacstrip.io.log_import.wrapped import unwrapped
 
 _COMMENT = ("#", "%", "//", "!")
 _REMARK = re.compile(r"(;|!|//)\s*[^\s;].*")  # above a table
@@ -57,12 +58,17 @@ _FORMULA = re.compile(r"=\s*\d+\s*[*+]\s*\(?[A-Za-z]")  # as "ch = 2*strip"
 _LINE_END = re.compile(
     r"(?m)(?:<CR>|<LF>|\[CR\]|\[LF\]|<0[DA]>|\[0[DA]\]|\\r|\\n|\u240d|\u240a)+(?=\r?$)"
 )  # as monitors show it
+# Between a word in Chinese, Japanese or Korean and one in Latin letters, as a unit, there may be no space.
+_ASIAN = re.compile(
+    r"(?<=[\u3040-\u30ff\u3400-\u9fff\uac00-\ud7af])(?=[A-Za-z])"
+    r"|(?<=[A-Za-z])(?=[\u3040-\u30ff\u3400-\u9fff\uac00-\ud7af])"
+)
 _ENDLESS = re.compile(r"(?<!\w)\w{10000}|[\[({]{1000}")  # the time of many patterns grows with its square
 
 
 def of_text(text: str, path: str | Path = "the log") -> Table:
     """Return a text as a table in normal form; errors as of `read_table`."""
-    text = _LINE_END.sub("", text)
+    text = _ASIAN.sub(" ", _LINE_END.sub("", text))
     if endless := _ENDLESS.search(text):
         raise ReadingError(
             f"{path}: line {text.count(chr(10), 0, endless.start()) + 1}: {len(endless.group())} characters and more "
@@ -70,7 +76,7 @@ def of_text(text: str, path: str | Path = "the log") -> Table:
         )
     head, mark, rest = text.rpartition("***End_of_Header***")  # of LabVIEW: its numbers are no readings
     text = re.sub(r"(?m)^(?=.*\S)", "# ", head + mark) + rest
-    text = _with_marks_of_nothing(_with_one_mark(text))
+    text = _with_marks_of_nothing(_with_one_mark(unwrapped(text)))
     table = with_retries(text, lambda strays: _with_lines(_announced(text, path, strays), text))
     return replace(table, of_content=lambda strips, channels: content_of(text, strips, channels))
 
@@ -136,7 +142,7 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     refuse_frames(without(text, strays))
     if (related := _of_relations(without(text, strays))) is not None:
         return in_normal_form(related)
-    text = without_boxes(_FORTRAN.sub(r"\1E\2", _SCALAR.sub(r"\1", text)))
+    text = upright_records(without_boxes(_FORTRAN.sub(r"\1E\2", _SCALAR.sub(r"\1", text))))
     text, bounds = _BOUND.subn(r"\1", without_thousands(_THOUSANDS.sub("", without(text, strays))))
     whole = _COLOUR.sub("", plain_rows(without(text, strays).translate(_HALF_WIDTH)))
     text, messages = without_messages(whole)
@@ -145,11 +151,12 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     ]
     bounded = "what stands behind \u00b1: no readings, passed over" if bounds > 1 else ""
     messages = "; ".join(filter(None, [messages, bounded]))
-    if (labelled := of_runs(text)) is not None:
+    structured = of_dialect(text, str(path)) or of_literals(text, path)
+    if structured is None and (labelled := of_runs(text)) is not None:
         labelled = replace(labelled, remarks=(*filter(None, [messages]), *labelled.remarks))
         return in_normal_form(without_cut_end(labelled, text))
     text = with_labels(with_channel_names(of_sent(without_prefix(text))))
-    if (table := of_literals(text, path) or of_dialect(text, str(path))) is not None:
+    if (table := structured or of_literals(text, path)) is not None:
         return in_normal_form(replace(table, remarks=(*filter(None, [messages]), *table.remarks)))
     # The empty lines in between tell where blocks begin.
     every = [(i, line) for i, line in enumerate(re.split(r"\r\n|\r\r\n|\n|\r", text), 1)]
@@ -167,7 +174,7 @@ def _of_lines(text: str, path: str | Path, strays: frozenset[int]) -> Table:
     else:
         blank = {i for i, line in every if not line.strip() or _RULE.fullmatch(line)}
         table = separated(lines, blank, path)
-    table = with_cut_lines_doubted(without_cut_end(table, text))
+    table = with_cut_lines_doubted(without_cut_units(without_cut_end(table, text)))
     table = with_stamps(table, stamps, text, path) if stamps else table
     first = min(table.lines, default=0)
     above = [line for i, line in numbered(text) if i < first]

@@ -69,6 +69,8 @@ def turns(values: FloatArray, times: FloatArray) -> int:
         if any(touched[n::many].mean() < _TOUCHED for n in range(many)):
             continue  # presses and what lies between them
         within = _apart(values, many)
+        if min(np.median(across[n::many]) for n in range(many)) < np.median(within):
+            continue  # a reading that is held for several scans
         if _in_turns(times, many):
             nearer = bool(np.median(within) < _NEARER_IN_TURNS * np.median(across))
         else:

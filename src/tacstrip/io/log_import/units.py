@@ -33,6 +33,7 @@ _MANY = 0.05  # of the readings: more that are exactly 0 are no chance
 # Of what there can be: a unit in which a log uses less is out where it uses as much in another.
 _LITTLE, _MUCH = 0.21, 0.5
 BITS = (8, 10, 12, 14, 16, 24)
+_SELDOM = (13,)  # as of a Teensy's converter: offered where no fewer do
 # Codes that are full scale and no power of two: of the analog inputs of a PLC, which go on for a part beyond.
 _OTHER_FULL_SCALES, _OVER_FULL = (27648,), 1.176
 _USUAL_MV = (0.125, 0.1875)  # of a code of converters with a reference of their own, such as the ADS1115
@@ -53,7 +54,9 @@ _CONVERTED = re.compile(
 )
 _BITS_TOLD = re.compile(r"\b(\d{1,2})[\s_-]?bits?\b", re.IGNORECASE)
 _UNIT_TOLD = re.compile(
-    r"\b(?:units?|readings?|values?|voltages?|signals?|channels?|data|in|all|normali[sz]ed|ratiometric)\b[^\n,;]{0,16}?"
+    r"\b(?:units?|readings?|values?|voltages?|signals?|channels?|data|in|all|normali[sz]ed|ratiometric"
+    r"|einheit(?:en)?|unit[\u00e9\u00e0]s?|unidad(?:es)?|jednostk\w|\u5355\u4f4d|\u55ae\u4f4d|\u5358\u4f4d|\ub2e8\uc704)"
+    r"\b[^\n,;]{0,16}?"
     r"(?<![\w])(mV|[uµ]V|V|volts?|millivolts?|microvolts?|counts?|codes?|percent|%|‰"
     r"|to Vref|of Vref|over Vref|/ ?Vref)(?!\w)|\b(counts|codes|LSBs?)\b",
     re.IGNORECASE,
@@ -103,7 +106,7 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
             "offset by half; say --answer coding=signed or coding=unsigned"
         )
     told = [found.meanings[n] for n in mapping.columns]
-    named = _named_units(clues, mapping, {m.unit for m in told} - {""}, values, bits, answer)
+    named = _named_units(clues, mapping, {m.unit for m in told} - {""}, values, bits, vref, answer)
     unit = answer or (
         named.pop()
         if len(named) == 1
@@ -138,12 +141,15 @@ def with_unit(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[
 
 
 def _named_units(
-    clues: Clues, mapping: ColumnMapping, named: set[str], values: FloatArray, bits: int, answer: str
-) -> set[str]:
+    clues: Clues, mapping: ColumnMapping, named: set[str], values: FloatArray, bits: int, vref: float,
+    answer: str,
+) -> set[str]:  # fmt: skip
     """Return the units that columns' names say, if the readings can be in them; codes where fields say these."""
     whole = bool((values == np.round(values)).all())
     if named == {"fraction"} and not whole and 1.0 + _OFF_VREF < values.max() <= 1.0 / OF_VREF["percent"]:
         named = set()  # a ratio in percent, say
+    if named == {"code"} and not (whole or answer) and values.max() <= max(vref, 1.0):
+        named = set()  # "raw" volts, say, for no converter has so few codes
     if named == {"fraction"} and values.max() > 1.0 and all(map(is_called_k, mapping.columns)):
         named = {"code"} if bits and whole else set()
         if named and values.max() <= 1.0 / OF_VREF["permille"] and not answer:
@@ -319,7 +325,8 @@ def _bits_that_fit(top: float) -> list[str]:
     >>> _bits_that_fit(661.0), _bits_that_fit(22142.0), _bits_that_fit(9.0)
     (['10', '12', '14'], ['16'], ['8', '10'])
     """
-    fits = [b for b in BITS if top <= 2.0**b - 1.0]
+    fits = [b for b in (*BITS[:3], *_SELDOM, *BITS[3:]) if top <= 2.0**b - 1.0]
+    fits = [b for b in fits if b not in _SELDOM or b == fits[0]]
     return [str(b) for b in [b for b in fits if top > _FAINT * 2.0**b][:3] or fits[:1]]
 
 

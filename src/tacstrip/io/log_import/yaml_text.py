@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
 from tacstrip.io.log_import.json_records import of_values
+from tacstrip.io.log_import.literals import literal
 from tacstrip.io.log_import.table import Table
 
 _FEW = 2  # records
@@ -125,7 +125,11 @@ def _block(lines: list[str], start: int = 0) -> tuple[Any, int]:
 def _scalar(text: str) -> Any:
     plain = re.sub(r"\s+#.*", "", text)
     if plain[:1] in "[{":
-        quoted = re.sub(r"(?<![\w.\"])([A-Za-z_][\w.-]*)(?=\s*:)", r'"\1"', plain)
-        quoted = re.sub(r"(?<![\w\"])(?:[.]nan|nan|NaN|[.]NaN|None|~)(?![\w\"])", "null", quoted)
-        return json.loads(quoted)
+        value = literal(
+            re.sub(r"(?<![\w.\"])(?:[.](?=nan|NaN|inf)|~)", lambda m: "null" * (m[0] == "~"), plain),
+            words=True,
+        )
+        if value is None:
+            raise ValueError(plain)
+        return value
     return None if plain in ("~", "null") else plain.strip("\"'")

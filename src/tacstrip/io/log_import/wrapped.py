@@ -1,0 +1,89 @@
+"""Lines of a program that a logger has put into records of its own, one in each, beside the time."""
+
+from __future__ import annotations
+
+import datetime as dt
+import json
+import re
+from collections.abc import Sequence
+from typing import Any
+
+from tacstrip.io.log_import.fields import clock_seconds, number_of
+from tacstrip.io.log_import.names import meaning
+from tacstrip.io.log_import.records import STEADY
+
+_TEXT = re.compile(r"_?(?:message|msg|log|line|text|body|payload|data|event)", re.IGNORECASE)
+_TIME = re.compile(r"time|date|(?:\b|_)ts\b", re.IGNORECASE)
+_OWN_TIME = re.compile(r"@?(?:time|timestamp|ts)", re.IGNORECASE)
+_NUMBER = re.compile(r"\d+(?:\.\d+)?")
+_EPOCH, _STEPS, _PARTS = (
+    1e9,
+    3,
+    1000.0,
+)  # seconds since 1970, or thousandths of one, or thousandths of these, ...
+
+
+def unwrapped(text: str) -> str:
+    r"""Return the lines that records in JSON hold, each behind its time; another text as it is.
+
+    Examples
+    --------
+    >>> log = '{"log": "S1 2.5 1.9\\n", "time": "2026-05-04T10:00:00.5Z"}\n{"log": "S1 2.4 1.8\\n", "time": "10:00:01"}'
+    >>> print(unwrapped(log))
+    2026-05-04T10:00:00.5Z S1 2.5 1.9
+    10:00:01 S1 2.4 1.8
+    >>> unwrapped('{"__TIMESTAMP": "1777889520500000", "MESSAGE": "S1=2.5/1.9"}\n' * 2).split("\n")[0]
+    '2026-05-04 10:12:00.500000 S1=2.5/1.9'
+    """
+    if not text.lstrip().startswith(("{", "[")):
+        return text
+    records = _records(text)
+    if not records:
+        return text
+    names = dict.fromkeys(k for r in records for k in r)
+    of_text = [n for n in names if _TEXT.fullmatch(n) and _hold_lines([r.get(n) for r in records])]
+    others = [n for n in names if n not in of_text and meaning(n).role in ("reading", "strip")]
+    if len(of_text) != 1 or others:
+        return text
+    times = [n for n in names if _TIME.search(n) and all(_stamp(r.get(n)) for r in records)]
+    times.sort(key=lambda n: _OWN_TIME.fullmatch(n) is None)  # before when it came to another place
+    return "\n".join(
+        " ".join([*(_stamp(r[n]) for n in times[:1]), str(r.get(of_text[0], "")).strip()]) for r in records
+    )
+
+
+def _records(text: str) -> list[dict[str, Any]]:
+    """Return the records of JSON, in a list or each in a line; [] where it is none."""
+    try:
+        values = json.loads(text)
+    except (ValueError, RecursionError):
+        try:
+            values = [json.loads(line) for line in text.splitlines() if line.strip()]
+        except (ValueError, RecursionError):
+            return []
+    if isinstance(values, dict):
+        values = next((v for v in values.values() if isinstance(v, list)), [])
+    return values if isinstance(values, list) and all(isinstance(v, dict) for v in values) else []
+
+
+def _hold_lines(values: Sequence[Any]) -> bool:
+    """Return whether nearly all values are lines with several numbers, and no times or JSON."""
+    texts = [v for v in values if isinstance(v, str) and v.strip()]
+    lines = [
+        v
+        for v in texts
+        if len(_NUMBER.findall(v)) > 1 and v.strip()[0] not in "{[" and clock_seconds(v) is None
+    ]
+    return len(lines) > STEADY * len(values)
+
+
+def _stamp(value: Any) -> str:
+    """Return a time as it may stand before a line, a number since 1970 as a date; "" of what is none."""
+    number = value if isinstance(value, int | float) else number_of(str(value))
+    if number is None:
+        return str(value) if clock_seconds(str(value)) is not None else ""
+    for step in range(_STEPS + 1):
+        if 1.0 <= number / _PARTS**step / _EPOCH < 10.0:
+            moment = dt.datetime.fromtimestamp(number / _PARTS**step, dt.UTC)
+            return f"{moment:%Y-%m-%d %H:%M:%S.%f}"
+    return f"[{value}]"
