@@ -14,6 +14,12 @@ from pathlib import Path
 _LONGEST = 2**26  # characters of a spec or a contact: a pipe may go on without end
 _HANDED_OVER = ("/dev/stdin", "/dev/fd/", "/proc/self/fd/")  # what the caller opened: its end is the caller's
 _DRAWN = (".png", ".svg", ".pdf", ".html")  # pictures and reports: all else may be the only copy
+_RESULTS = {
+    ".geojson": b'"status": ',
+    ".json": b'"limits": ',
+    ".cir": b"written by tacstrip",
+}  # what ours say
+_FIRST = 2**20  # bytes in which they say it
 _KINDS = {
     ".csv": "readings or runs (CSV)",
     ".mcap": "a recording",
@@ -84,9 +90,16 @@ def read_text(path: str | Path) -> str:
 
 
 def replaceable(path: str | Path) -> bool:
-    """Say whether a file may be written over unasked: there is none, or its ending is of a picture or a report."""
+    """Say whether a file may be written over unasked: there is none, or it is a picture, a report, or a result.
+
+    Results are shapes, tracks, limits and netlists that a verb made of its input and makes again; readings,
+    recordings, specs and contacts are not, for they may be the only copy.
+    """
     target = Path(path)
-    return not target.is_file() or target.suffix.lower() in _DRAWN
+    if not target.is_file() or target.suffix.lower() in _DRAWN:
+        return True
+    mark = _RESULTS.get(target.suffix.lower())
+    return mark is not None and mark in target.read_bytes()[:_FIRST]
 
 
 def other_kind(path: str | Path, *wanted: str) -> str:

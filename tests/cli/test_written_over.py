@@ -118,6 +118,19 @@ def test_no_verb_fills_a_folder_of_something_else(folder: Path, call: str) -> No
     assert [path.name for path in (folder / "own").iterdir()] == ["notes.txt"]
 
 
+@pytest.mark.parametrize(
+    "call",
+    [
+        "reconstruct s.toml r.csv -o new.geojson",
+        "limits s.toml o.wkt -o new.json --positional 0.005",
+        "spice s.toml o.wkt -o new.cir",
+    ],
+)
+def test_results_are_made_again_in_their_place(folder: Path, call: str) -> None:
+    for _ in range(2):
+        assert CliRunner().invoke(cli, call.split()).exit_code == 0
+
+
 def test_what_is_asked_for_is_written_over_and_pictures_always(folder: Path) -> None:
     call = ["reconstruct", "s.toml", "r.csv", "-o", "a.geojson", "--plot", "a.png"]
     Path("a.png").write_text("an older picture", encoding="utf-8")

@@ -137,7 +137,7 @@ def protect(
 ) -> None:
     """Refuse, before any work is done, to write over a file that is read, or into a folder that is not there.
 
-    Without `force`, refuse any file that is there, too, but a picture or a report; `flag` is the option that says so.
+    Without `force`, refuse any file that is there, too, but what can be made again; `flag` is the option that says so.
     Every verb calls it for every file that it is told to write.
 
     Raises
