@@ -106,6 +106,12 @@ def test_the_step_of_a_header_of_national_instruments_is_in_seconds() -> None:
     check(read([*head, *("\t".join(f"{v:.3f}".replace(".", ",") for v in row) for row in V)]))
 
 
+def test_every_segment_of_a_file_of_labview_is_read() -> None:
+    rows = ["\t".join([f"{0.5 * i:.6f}", *(f"{v:.3f}" for v in V[i])]) for i in N]
+    head = ["", "Channels\t3", "Samples" + "\t4" * 3, "***End_of_Header***", "X_Value\tS0\tS1\tS2"]
+    check(read(["LabVIEW Measurement", "***End_of_Header***", *head, *rows[:4], *head, *rows[4:]]))
+
+
 def test_a_column_of_a_multiplexer_tells_the_channels() -> None:
     rows = [f"{500 * i},{c},{s},{V[i, s] - 0.5 * (c == 0):.3f}" for i in N for c in (0, 1) for s in range(3)]
     found = read(["ms,mux,strip,volt", *rows], TWO)
