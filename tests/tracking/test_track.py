@@ -1058,6 +1058,9 @@ def test_an_outline_that_puts_strips_onto_upright_sides_is_not_believed() -> Non
     assert "hardly likely" in one.advice
     assert distance(one.outline, of.outline) < 0.7
     assert abs(one.area_mm2 - shapely.Polygon(of.outline).area) < 3.0 * one.area_deviation_mm2
+    # Its frame is that of the shape, fixed to no scan.
+    deviations = np.sqrt(np.diagonal(one.pose_covariances, axis1=1, axis2=2))
+    assert (deviations > 0.05 * np.median(deviations, axis=0)).all()
 
 
 def test_a_count_that_the_scans_leave_open_is_said() -> None:

@@ -55,10 +55,12 @@ def track(tracks: Track | Sequence[Track], sensor: Sensor, *, ax: Axes | None = 
     --------
     >>> import tacstrip as ts
     >>> from tacstrip import plot
-    >>> sensor = ts.Sensor(construction="crs-crs", strips=10, pitch_mm=10.0, length_mm=100.0)
+    >>> sensor = ts.Sensor(construction="crs-crs", strips=20, pitch_mm=5.0, length_mm=100.0)
     >>> shape = ts.Contact.polygon([(-25, -20), (20, -25), (25, 20), (-10, 25)])
-    >>> scans = [ts.simulate(sensor, shape.turned(0.05 * i).placed(50, 50), time_s=0.01 * i) for i in range(12)]
-    >>> ax = plot.track(ts.track(scans, sensor), sensor)
+    >>> noise = ts.Noise(positional=0.002)
+    >>> moved = [shape.turned(0.05 * i).placed(40 + i, 50) for i in range(20)]
+    >>> scans = [ts.simulate(sensor, one, noise, rng=i, time_s=0.01 * i) for i, one in enumerate(moved)]
+    >>> ax = plot.track(ts.track(scans, sensor, noise), sensor)
     >>> [text.get_text() for text in ax.get_legend().get_texts()]
     ['object 1: ok']
     """

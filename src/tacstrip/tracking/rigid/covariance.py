@@ -63,7 +63,8 @@ def covariances(
 
 def poses_of_shape(found: Equations, shape: FloatArray) -> FloatArray:
     """Return the covariances (T, 3, 3) of free poses that follow corners whose covariance is given (2 N, 2 N)."""
-    _, _, inverse, follow = without_poses(found, None)
+    _, _, inverse = reduced(found, pinned=0.0)  # the corners' own frame is given, and fixed to no scan
+    follow = inverse @ found.mixed
     return np.asarray(inverse + follow @ shape @ follow.transpose(0, 2, 1))
 
 
