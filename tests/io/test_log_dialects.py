@@ -93,6 +93,14 @@ def test_a_last_message_that_lacks_what_others_in_it_have_is_left_out() -> None:
     assert len(read(text.removesuffix(f", v_low: {L[2, 2]}}}\n---\n") + "}\n").scans) == len(T)
 
 
+def test_a_supply_that_changes_among_the_rows_is_asked_about() -> None:
+    text = FORMS["rows of the ends"]
+    even = re.sub(r"(# scan \d .*)", r"\1 Vref=5.00V", text)
+    assert len(read(even).scans) == len(T)
+    with pytest.raises(Unanswered, match="the log says Vref = 4 V"):
+        read(re.sub(r"(# scan 3 .*)5.00V", r"\g<1>4.00V", even))
+
+
 def test_a_field_that_stays_says_the_unit() -> None:
     scans = [
         [{"id": i, "high": float(h) / 5.0, "low": float(h) / 9.0} for i, h in enumerate(H[2])] for _ in T

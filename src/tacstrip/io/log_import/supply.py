@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 from tacstrip.io.log_import.conversion import volts_of_codes
 from tacstrip.io.log_import.fields import number_of
 from tacstrip.io.log_import.names import meaning
 from tacstrip.io.log_import.questions import Clues
+from tacstrip.io.log_import.strays import numbered
 from tacstrip.io.log_import.words import any_of, finder
 
 _NAME = r"(?:v_?ref|aref|v_?cc|v_?dd)"
@@ -38,6 +40,32 @@ def stated_vref(line: str) -> float | None:
     """
     found = _STATED.fullmatch(line)
     return _value(found[1], found[2] or "") if found else None
+
+
+def other_supplies(text: str, rows: Sequence[int], above: Sequence[str]) -> tuple[str, ...]:
+    r"""Return the lines of a text among its rows that name volts of Vref or a supply which none above names, each once.
+
+    Examples
+    --------
+    >>> other_supplies("scan 0, Vref=3.3V\\n1 2.5\\nscan 1, Vref=3.0V\\n1 2.4", [2, 4], ["scan 0, Vref=3.3V"])
+    ('scan 1, Vref=3.0V',)
+    """
+    named = {v for line in above for v in _named_volts(line)}
+    at, found = {*rows}, list[str]()
+    for n, line in numbered(text):
+        if n not in at and (volts := _named_volts(line) - named):
+            named |= volts
+            found.append(line.strip())
+    return tuple(found)
+
+
+def _named_volts(line: str) -> set[float]:
+    """Return the volts of Vref or of a supply that a line names, none of a battery."""
+    if not re.search(r"\d\s?m?V", line) or finder("battery").search(line):
+        return set()
+    supply = _VOLTS.findall(line) if finder("supply").search(line) else []
+    supply = supply if len(supply) <= _MANY else []
+    return {_value(d, m) for d, m in (*_VREF_IS.findall(line), *supply)}
 
 
 def ask_for_vref(clues: Clues) -> None:

@@ -39,6 +39,7 @@ from tacstrip.io.log_import.separated import separated
 from tacstrip.io.log_import.shape import in_normal_form
 from tacstrip.io.log_import.statements import untouched_said
 from tacstrip.io.log_import.strays import numbered, with_retries, without, without_messages
+from tacstrip.io.log_import.supply import other_supplies
 from tacstrip.io.log_import.table import Table
 from tacstrip.io.log_import.thousands import without_thousands
 from tacstrip.io.log_import.wrapped import unwrapped
@@ -138,6 +139,7 @@ def _with_lines(table: Table, text: str) -> Table:
     table = in_parts(table, text)
     return replace(
         table,
+        preamble=(*table.preamble, *other_supplies(text, table.lines, table.preamble)),
         resolutions=resolutions(text, frozenset(table.lines)),
         quotes={**table.quotes, **quotes},
         doubts=(*table.doubts, *order_told_otherwise(text, table.names)),
