@@ -14,11 +14,11 @@ from pathlib import Path
 _LONGEST = 2**26  # characters of a spec or a contact: a pipe may go on without end
 _HANDED_OVER = ("/dev/stdin", "/dev/fd/", "/proc/self/fd/")  # what the caller opened: its end is the caller's
 _DRAWN = (".png", ".svg", ".pdf", ".html")  # pictures and reports: all else may be the only copy
-_RESULTS = {
-    ".geojson": b'"status": ',
-    ".json": b'"limits": ',
-    ".cir": b"written by tacstrip",
-}  # what ours say
+_RESULTS = {  # what ours say, and others do not all of it
+    ".geojson": (b'"status": ', b'"advice": '),
+    ".json": (b'"vertices_mm": ', b'"limits": ', b'"rms_mm": '),
+    ".cir": (b"written by tacstrip",),
+}
 _FIRST = 2**20  # bytes in which they say it
 _KINDS = {
     ".csv": "readings or runs (CSV)",
@@ -98,8 +98,12 @@ def replaceable(path: str | Path) -> bool:
     target = Path(path)
     if not target.is_file() or target.suffix.lower() in _DRAWN:
         return True
-    mark = _RESULTS.get(target.suffix.lower())
-    return mark is not None and mark in target.read_bytes()[:_FIRST]
+    marks = _RESULTS.get(target.suffix.lower())
+    if marks is None:
+        return False
+    with target.open("rb") as stream:
+        begin = stream.read(_FIRST)
+    return all(mark in begin for mark in marks)
 
 
 def other_kind(path: str | Path, *wanted: str) -> str:

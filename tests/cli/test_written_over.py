@@ -131,6 +131,21 @@ def test_results_are_made_again_in_their_place(folder: Path, call: str) -> None:
         assert CliRunner().invoke(cli, call.split()).exit_code == 0
 
 
+@pytest.mark.parametrize(
+    ("name", "text", "call"),
+    [
+        ("plan.geojson", '{"properties": {"status": "planned"}}', "reconstruct s.toml r.csv -o plan.geojson"),
+        ("rig.json", '{"limits": [0, 5]}', "limits s.toml o.wkt -o rig.json --positional 0.005"),
+    ],
+)
+def test_a_file_with_a_word_of_ours_is_not_taken_for_a_result(
+    folder: Path, name: str, text: str, call: str
+) -> None:
+    (folder / name).write_text(text, encoding="utf-8")
+    assert isinstance(CliRunner().invoke(cli, call.split()).exception, ts.OptionError)
+    assert (folder / name).read_text(encoding="utf-8") == text
+
+
 def test_what_is_asked_for_is_written_over_and_pictures_always(folder: Path) -> None:
     call = ["reconstruct", "s.toml", "r.csv", "-o", "a.geojson", "--plot", "a.png"]
     Path("a.png").write_text("an older picture", encoding="utf-8")
