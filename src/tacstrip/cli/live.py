@@ -249,7 +249,7 @@ def _status(live: Live) -> str:
 def _not_known(live: Live, path: Path | str | None) -> str:
     """Say of how many frames tracks were not known, and what finds them."""
     processed = live.frames - live.late - live.unreadable
-    why = "the search for a shape had not ended, or the computer was behind" if live.tracking else "tracking ended"
+    why = "the search had not ended, or the computer was behind" if live.tracking else "tracking ended"
     text = f"{live.untracked} of {processed} frame(s) have no tracks (null): {why}"
     return text if path is None else f"{text}; `tacstrip track` finds them in {path}"
 
