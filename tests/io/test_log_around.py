@@ -19,6 +19,7 @@ from tacstrip.io.log_import import containers
 from tacstrip.io.log_import.containers import read_table
 from tacstrip.io.log_import.delimiters import without_prefix
 from tacstrip.io.log_import.guess import Proposal, propose
+from tacstrip.io.log_import.questions import Unanswered
 from tacstrip.io.log_import.text import of_text
 
 ONE = ts.Sensor(construction="crs-m", strips=3, pitch_mm=6.0, length_mm=80.0, vref_volt=5.0)
@@ -104,6 +105,19 @@ def test_the_step_of_a_header_of_national_instruments_is_in_seconds() -> None:
         "ai0\tai1\tai2",
     ]
     check(read([*head, *("\t".join(f"{v:.3f}".replace(".", ",") for v in row) for row in V)]))
+
+
+def test_every_segment_of_a_file_of_labview_is_read() -> None:
+    rows = ["\t".join([f"{0.5 * i:.6f}", *(f"{v:.3f}" for v in V[i])]) for i in N]
+    head = ["", "Channels\t3", "Samples" + "\t4" * 3, "***End_of_Header***", "X_Value\tS0\tS1\tS2"]
+    check(read(["LabVIEW Measurement", "***End_of_Header***", *head, *rows[:4], *head, *rows[4:]]))
+
+
+def test_names_above_columns_without_a_name_are_not_set_aside() -> None:
+    head = [",high,high,high,low,low,low", "finger,index,middle,ring,index,middle,ring", "t_s,,,,,,"]
+    rows = [f"{0.5 * i:.1f}," + ",".join(f"{v - d:.3f}" for d in (0.0, 0.5) for v in V[i]) for i in N]
+    with pytest.raises((ts.ReadingError, Unanswered)):  # in which order the fingers lie nothing tells
+        read([*head, *rows], TWO)
 
 
 def test_a_column_of_a_multiplexer_tells_the_channels() -> None:

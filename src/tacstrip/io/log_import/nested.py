@@ -23,8 +23,9 @@ def regular(value: Any) -> tuple[Any, tuple[str, ...]]:
     """Return a value in regular form, and what it says of the strips' numbers, as lines above it.
 
     Texts that hold JSON are what they hold. Records by identifiers are a list of them. Strips with letters, or with
-    names that a list tells, have numbers from 0. What is empty throughout and has no name of a reading is left out,
-    and so is a record's only inner record that holds all that has such a name.
+    names that a list tells, have numbers from 0. What is empty throughout, and has neither a name of a reading nor one
+    that is another's but for its number, is left out, and so is a record's only inner record that holds all that has
+    such a name.
 
     Raises
     ------
@@ -37,6 +38,8 @@ def regular(value: Any) -> tuple[Any, tuple[str, ...]]:
     {'log': [{'t': 0, 'h': 5}, {'t': 1, 'h': 5}, {'t': 2, 'h': 6}]}
     >>> regular([{"t": 0, "s": {"A": {"h": 5}, "C": {"h": 5}}}, {"t": 1, "s": {"B": {"h": 6}}}])[1]
     ('strips from 0: A',)
+    >>> regular([{"id": 7, "field1": None, "field2": "2.5"}, {"id": 8, "field1": None, "field2": "2.6"}])[0][0]
+    {'id': 7, 'field1': None, 'field2': '2.5'}
     >>> regular([{"host": "a", "doc": '{"t": 0, "h": 5}'}, {"host": "b", "doc": '{"t": 1, "h": 6}'}])[0]
     [{'host': 'a', 't': 0, 'h': 5}, {'host': 'b', 't': 1, 'h': 6}]
     """
@@ -119,7 +122,8 @@ class _Form:
             name: self.of([r[name] for r in records if name in r])
             for name in dict.fromkeys(k for r in records for k in r)
         }
-        some = {k: v for k, v in columns.items() if meaning(str(k)).role or any(e is not None for e in v)}
+        filled = {_without_number(k) for k, v in columns.items() if any(e is not None for e in v)}
+        some = {k: v for k, v in columns.items() if meaning(str(k)).role or _without_number(k) in filled}
         columns = some or columns
         taken = {k: iter(v) for k, v in columns.items()}
         return _without_wrapper([{k: next(taken[k]) for k in r if k in taken} for r in records])
@@ -136,6 +140,10 @@ class _Form:
         said = f"strips from 0: {listed[0]}"
         self.told += [] if said in self.told else [said]
         return {name: listed.index(name) for name in names}
+
+
+def _without_number(name: object) -> str:
+    return re.sub(r"\d+", "0", str(name))
 
 
 def _are_identifiers(names: Sequence[str], inner: Sequence[Any]) -> bool:

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.fields import is_prose, says_nothing
-from tacstrip.io.log_import.names import meanings
+from tacstrip.io.log_import.names import meaning, meanings
 from tacstrip.io.log_import.table import ContradictionError, NoTableError, Table
 from tacstrip.io.log_import.uneven import names_columns
 
@@ -40,6 +40,7 @@ _LEVELLED = re.compile(
 _OTHER_TOPICS = 0.5  # times the lines of the commonest path: others are of something else
 _OFTEN, _FEW = 3, 0.05  # lines, and part of all lines, that have a form in common: fewer of one are strays
 _MOST = 0.25  # of all lines: more strays are no strays
+_FEW_WORDS = 2  # of more, not all are of a channel or a unit
 _FEW_COLUMNS = 2  # of fewer numbers, a line may be of anything
 _SHOWN, _LONG = 5, 40  # strays, and characters of each, that are quoted
 
@@ -228,7 +229,15 @@ def _told(table: Table, strays: frozenset[int], texts: dict[int, str]) -> Table:
 
 
 def _check_names(table: Table, above: list[int], texts: dict[int, str]) -> None:
-    """Raise `NoTableError` where a table has no names, and a line set aside above it is of names in another order."""
+    """Raise `NoTableError` where a table has no names, and a line set aside above it is of names in another order.
+
+    Also where it has names for few columns, and such a line has a word for each of the others, which may be strips'.
+    """
+    nameless = sum(bool(re.fullmatch(r"column \d+", name)) for name in table.names)
+    for n in above if table.named and nameless > 1 else ():
+        fields = [f for f in _fields(texts[n]) if re.search(r"[^\W\d_]{3}", f) and not meaning(f).channel]
+        if len(fields) >= nameless and len({*fields}) > _FEW_WORDS:
+            raise NoTableError(f"line {n} ({texts[n].strip()[:_LONG]!r}) seems to name the columns")
     for n in () if table.named else above:
         fields = _fields(texts[n])
         roles = [m.role for m in meanings(fields).values()]

@@ -63,6 +63,8 @@ _ASIAN = re.compile(
     r"(?<=[\u3040-\u30ff\u3400-\u9fff\uac00-\ud7af])(?=[A-Za-z])"
     r"|(?<=[A-Za-z])(?=[\u3040-\u30ff\u3400-\u9fff\uac00-\ud7af])"
 )
+_LABVIEW = "***End_of_Header***"
+_SEGMENT = re.compile(r"^Channels\b|^\s*\n(?=[^\W\d])", re.MULTILINE)  # where its header begins
 _ENDLESS = re.compile(r"(?<!\w)\w{10000}|[\[({]{1000}")  # the time of many patterns grows with its square
 
 
@@ -74,11 +76,21 @@ def of_text(text: str, path: str | Path = "the log") -> Table:
             f"{path}: line {text.count(chr(10), 0, endless.start()) + 1}: {len(endless.group())} characters and more "
             f"without an end ({endless.group()[:10]}...); damaged, or no log: take them out"
         )
-    head, mark, rest = text.rpartition("***End_of_Header***")  # of LabVIEW: its numbers are no readings
-    text = re.sub(r"(?m)^(?=.*\S)", "# ", head + mark) + rest
-    text = _with_marks_of_nothing(_with_one_mark(unwrapped(text)))
+    text = _with_marks_of_nothing(_with_one_mark(unwrapped(_without_headers(text))))
     table = with_retries(text, lambda strays: _with_lines(_announced(text, path, strays), text))
     return replace(table, of_content=lambda strips, channels: content_of(text, strips, channels))
+
+
+def _without_headers(text: str) -> str:
+    """Return a text with the headers of LabVIEW's file and segments commented out: their numbers are no readings."""
+    *headed, rest = text.split(_LABVIEW)
+    found = list[str]()
+    for n, part in enumerate(headed):
+        # Above a segment's header stand the readings of the one before.
+        begin = max((m.start() for m in _SEGMENT.finditer(part)), default=0) if n else 0
+        kept, header = part[:begin], part[begin:]
+        found.append(kept + re.sub(r"(?m)^(?=.*\S)", "# ", header + _LABVIEW))
+    return "".join(found) + rest
 
 
 def _with_one_mark(text: str) -> str:
