@@ -122,6 +122,8 @@ def test_no_verb_fills_a_folder_of_something_else(folder: Path, call: str) -> No
     "call",
     [
         "reconstruct s.toml r.csv -o new.geojson",
+        "reconstruct s.toml r.csv -o new.json",
+        "track s.toml r.csv -o new.geojson",
         "limits s.toml o.wkt -o new.json --positional 0.005",
         "spice s.toml o.wkt -o new.cir",
     ],
