@@ -16,7 +16,7 @@ from tacstrip.arrays import FloatArray
 from tacstrip.core.rigid import LEAST, RigidScans, fit_poses, loss, walk
 from tacstrip.tracking.rigid.corners import Fit, best_of, posed, poses_around, reflex
 from tacstrip.tracking.rigid.covariance import covariances, information
-from tacstrip.tracking.rigid.pose_spread import bounds_beside
+from tacstrip.tracking.rigid.pose_spread import FREE, NO_LESS_MM2, bounds_beside
 
 _STAGES, _STEPS = 4, 200  # of a walk, after each of which it has learned; the first one is dropped
 # Stages until it is where the outlines are likely, and there, of so many steps.
@@ -32,8 +32,6 @@ _USUAL = 2.4  # deviations of a step over the root of how many numbers it has
 _POSE_SIZES = (0.3, 1.0, 3.0)  # deviations of a pose's steps
 _FARTHEST = 0.2  # of the outline's extent: deviation of steps, at most
 _KEEP = 0.1  # of the bound where the walk is, in the covariance of its steps beside what it has learned
-_GAP = 12.0  # pitches^-2: what is known of an end anywhere within a gap
-_NO_LESS_MM2 = 1e-10  # of a pose's covariance: exact readings leave hardly any
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +142,7 @@ class _Walk:
         moves = ((sizes * random.normal(size=(steps, numbers))) @ root.T).reshape(steps, *corners.shape)
         # Of each pose two steps: as at a kink, then as beside it.
         bounds = np.stack(bounds_beside(scans, Fit(corners, poses, self.costs)))  # (2, T, 3, 3)
-        roots = np.linalg.cholesky(bounds + _NO_LESS_MM2 * np.eye(3))
+        roots = np.linalg.cholesky(bounds + NO_LESS_MM2 * np.eye(3))
         tries, total = bounds.shape[:2]
         each = (steps, tries, total)
         draws = random.normal(size=(tries, total, 3, steps))
@@ -162,7 +160,7 @@ class _Walk:
 def _follow(scans: RigidScans, corners: FloatArray, poses: FloatArray) -> FloatArray:
     """Return how poses follow corners (T, 3, 2 N), their ends anywhere within the gaps that they lie in."""
     found = information(scans, corners, poses)
-    rows, free = np.arange(len(poses)), _GAP / scans.sensor.pitch_mm**2
+    rows, free = np.arange(len(poses)), FREE / scans.sensor.pitch_mm**2
     pose, mixed = found.pose + LEAST * np.eye(3), found.mixed.copy()
     cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
     x = np.outer(cos, corners[:, 0]) - np.outer(sin, corners[:, 1])
