@@ -87,6 +87,12 @@ def test_a_dialect_gives_its_readings_without_a_question(form: str) -> None:
     np.testing.assert_allclose([scan.time_s for scan in found.scans], T, atol=1e-6)
 
 
+def test_a_last_message_that_lacks_what_others_in_it_have_is_left_out() -> None:
+    strips = "".join(f"- {{index: {i}, v_high: {H[2, i]}, v_low: {L[2, i]}}}\n" for i in N)
+    text = "".join(f"t: {t}\nstrips:\n{strips}---\n" for t in (*T, 0.2))
+    assert len(read(text.removesuffix(f", v_low: {L[2, 2]}}}\n---\n") + "}\n").scans) == len(T)
+
+
 def test_a_field_that_stays_says_the_unit() -> None:
     scans = [
         [{"id": i, "high": float(h) / 5.0, "low": float(h) / 9.0} for i, h in enumerate(H[2])] for _ in T

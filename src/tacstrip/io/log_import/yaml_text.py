@@ -61,13 +61,31 @@ def of_yaml(text: str, path: str) -> Table | None:
     within = not text.endswith(("\n", "\r")) and last[-1] < min(
         last[:-1]
     )  # the log ends within its last line
-    cut = len(found) > _FEW and (keys[-1] < set.intersection(*keys[:-1]) or within)
+    cut = len(found) > _FEW and (keys[-1] < set.intersection(*keys[:-1]) or within or _lacks(found[-1][1]))
     table = of_values(found[: len(found) - cut], path, "documents in YAML", numbered=True)
     return (
         replace(table, broken=(found[-1][0],), quotes={found[-1][0]: "the last record"})
         if table and cut
         else table
     )
+
+
+def _lacks(value: Any) -> bool:
+    """Return whether the last record of a value's last list lacks what all others in it have.
+
+    Examples
+    --------
+    >>> _lacks({"strips": [{"h": 5, "l": 4}, {"h": 5}]}), _lacks([{"h": 5}, {"h": 5, "l": 4}])
+    (True, False)
+    """
+    if isinstance(value, dict):
+        return bool(value) and _lacks([*value.values()][-1])
+    if not isinstance(value, list) or not value:
+        return False
+    records = [set(v) for v in value if isinstance(v, dict)]
+    if len(records) == len(value) > 1 and records[-1] < set.intersection(*records[:-1]):
+        return True
+    return _lacks(value[-1])
 
 
 def _paths(value: Any, before: str = "") -> Iterable[str]:
