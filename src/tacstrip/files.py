@@ -15,7 +15,7 @@ _LONGEST = 2**26  # characters of a spec or a contact: a pipe may go on without 
 _HANDED_OVER = ("/dev/stdin", "/dev/fd/", "/proc/self/fd/")  # what the caller opened: its end is the caller's
 _DRAWN = (".png", ".svg", ".pdf", ".html")  # pictures and reports: all else may be the only copy
 _SHAPES = (b'"FeatureCollection"', b'"status": ', b'"advice": ')
-_RESULTS = {  # what ours say, and others do not all of it
+_RESULTS: dict[str, list[tuple[bytes, ...]]] = {  # what ours say, and others do not all of it
     ".geojson": [_SHAPES],
     ".json": [_SHAPES, (b'"vertices_mm": ', b'"limits": ', b'"rms_mm": ')],
     ".cir": [(b"written by tacstrip",)],
