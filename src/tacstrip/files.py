@@ -14,11 +14,12 @@ from pathlib import Path
 _LONGEST = 2**26  # characters of a spec or a contact: a pipe may go on without end
 _HANDED_OVER = ("/dev/stdin", "/dev/fd/", "/proc/self/fd/")  # what the caller opened: its end is the caller's
 _DRAWN = (".png", ".svg", ".pdf", ".html")  # pictures and reports: all else may be the only copy
-_RESULTS = {
-    ".geojson": b'"status": ',
-    ".json": b'"limits": ',
-    ".cir": b"written by tacstrip",
-}  # what ours say
+_SHAPES = (b'"FeatureCollection"', b'"status": ', b'"advice": ')
+_RESULTS: dict[str, list[tuple[bytes, ...]]] = {  # what ours say, and others do not all of it
+    ".geojson": [_SHAPES],
+    ".json": [_SHAPES, (b'"vertices_mm": ', b'"limits": ', b'"rms_mm": ')],
+    ".cir": [(b"written by tacstrip",)],
+}
 _FIRST = 2**20  # bytes in which they say it
 _KINDS = {
     ".csv": "readings or runs (CSV)",
@@ -98,8 +99,12 @@ def replaceable(path: str | Path) -> bool:
     target = Path(path)
     if not target.is_file() or target.suffix.lower() in _DRAWN:
         return True
-    mark = _RESULTS.get(target.suffix.lower())
-    return mark is not None and mark in target.read_bytes()[:_FIRST]
+    kinds = _RESULTS.get(target.suffix.lower())
+    if kinds is None:
+        return False
+    with target.open("rb") as stream:
+        begin = stream.read(_FIRST)
+    return any(all(mark in begin for mark in marks) for marks in kinds)
 
 
 def other_kind(path: str | Path, *wanted: str) -> str:

@@ -122,6 +122,8 @@ def test_no_verb_fills_a_folder_of_something_else(folder: Path, call: str) -> No
     "call",
     [
         "reconstruct s.toml r.csv -o new.geojson",
+        "reconstruct s.toml r.csv -o new.json",
+        "track s.toml r.csv -o new.geojson",
         "limits s.toml o.wkt -o new.json --positional 0.005",
         "spice s.toml o.wkt -o new.cir",
     ],
@@ -129,6 +131,21 @@ def test_no_verb_fills_a_folder_of_something_else(folder: Path, call: str) -> No
 def test_results_are_made_again_in_their_place(folder: Path, call: str) -> None:
     for _ in range(2):
         assert CliRunner().invoke(cli, call.split()).exit_code == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "call"),
+    [
+        ("plan.geojson", '{"properties": {"status": "planned"}}', "reconstruct s.toml r.csv -o plan.geojson"),
+        ("rig.json", '{"limits": [0, 5]}', "limits s.toml o.wkt -o rig.json --positional 0.005"),
+    ],
+)
+def test_a_file_with_a_word_of_ours_is_not_taken_for_a_result(
+    folder: Path, name: str, text: str, call: str
+) -> None:
+    (folder / name).write_text(text, encoding="utf-8")
+    assert isinstance(CliRunner().invoke(cli, call.split()).exception, ts.OptionError)
+    assert (folder / name).read_text(encoding="utf-8") == text
 
 
 def test_what_is_asked_for_is_written_over_and_pictures_always(folder: Path) -> None:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import datetime as dt
 import json
 from collections.abc import Callable
@@ -21,6 +22,7 @@ from tacstrip.io.log_import.questions import Unanswered
 from tacstrip.io.log_import.runs import of_runs
 from tacstrip.io.log_import.text import of_text
 from tacstrip.io.log_import.turns import turns
+from tacstrip.io.log_import.wrapped import unwrapped
 
 Ends = tuple[float, float] | None
 STRIPS = 4
@@ -262,3 +264,27 @@ def test_a_cut_record_that_is_a_scan_costs_no_other() -> None:
     lines[9] = lines[9][: lines[9].rindex("/")]
     found = _proposed("\n".join(lines) + "\n")
     np.testing.assert_allclose(np.stack([s.values for s in found.scans]), np.delete(TRUTH, 9, axis=0))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "{[1]: 2}\n" * 4,
+        "(-'a', 1)\n" * 4,
+        "(datetime.datetime('a', 'b', 'c'), 1.0)\n" * 4,
+        "(datetime.datetime(2026, 5, 4, 99999999999999999999), 1.0)\n" * 4,
+        '{"message": "S1 2.5 1.9", "time": 1' + "0" * 400 + "}\n",
+        '{"a": ' * 600 + "1" + "}" * 600,
+        "[" * 900 + "1" + "]" * 900,
+    ],
+    ids=["key", "sign", "date", "hour", "time", "records", "lists"],
+)
+def test_values_that_cannot_be_end_in_no_traceback(text: str) -> None:
+    with contextlib.suppress(ts.ReadingError):
+        of_text(text)
+
+
+def test_a_record_of_a_logger_without_a_text_is_an_empty_line() -> None:
+    texts = ["S1 2.5 1.9 S2 2.4 1.8"] * 30 + [None]
+    log = "\n".join(json.dumps({"message": text, "time": f"10:00:{i:02}"}) for i, text in enumerate(texts))
+    assert unwrapped(log).splitlines()[-1].strip() == "10:00:30"

@@ -1092,3 +1092,13 @@ def test_a_bar_does_not_jump_by_half_turns() -> None:
     )
     (one,) = ts.track(pressed(sensor, bar, poses, noise), sensor, noise)
     assert np.ptp(one.poses[:, 2] - turn) < np.radians(1.5)
+
+
+def test_exact_readings_that_tell_no_place_across_the_strips_end_in_a_doubt() -> None:
+    """The upright rectangle is taken for an ellipse, at poses where no reading changes with x."""
+    sensor = ts.Sensor(construction="crs-m", strips=12, pitch_mm=5.0, length_mm=60.0)
+    outline = np.array([(10.0, 10.0), (34.0, 10.0), (34.0, 30.0), (10.0, 30.0)])
+    ways = np.linspace((0.0, 0.0), (13.0, 15.0), 12)
+    scans = [ts.simulate(sensor, ts.Contact.polygon(outline + way)) for way in ways]
+    (found,) = ts.track([replace(scan, time_s=0.02 * i) for i, scan in enumerate(scans)], sensor)
+    assert found.status == "doubtful", found.advice

@@ -249,9 +249,8 @@ def _status(live: Live) -> str:
 def _not_known(live: Live, path: Path | str | None) -> str:
     """Say of how many frames tracks were not known, and what finds them."""
     processed = live.frames - live.late - live.unreadable
-    text = (
-        f"{live.untracked} of {processed} frame(s) came before the search for a shape had ended: tracks null"
-    )
+    why = "the search had not ended, or the computer was behind" if live.tracking else "tracking ended"
+    text = f"{live.untracked} of {processed} frame(s) have no tracks (null): {why}"
     return text if path is None else f"{text}; `tacstrip track` finds them in {path}"
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import bisect
+import math
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -127,7 +129,8 @@ def _without_rows(table: Table, labels: _Labels) -> list[int]:
     """Return the labels between which and the next one no row stands."""
     places = sorted(labels)
     ends = [*places[1:], max([*table.lines, *places]) + 1]
-    return [a for a, b in zip(places, ends, strict=False) if not any(a < i < b for i in table.lines)]
+    lines = [*sorted(table.lines), math.inf]
+    return [a for a, b in zip(places, ends, strict=False) if lines[bisect.bisect_right(lines, a)] >= b]
 
 
 def _time(rest: str) -> str:

@@ -34,13 +34,9 @@ def upright_records(text: str) -> str:
     made = ["" if n < begins[0] else line for n, line in enumerate(lines)]
     for n in range(begins[0], len(lines)):
         field = _FIELD.fullmatch(lines[n])
-        made[n] = (
-            "---"
-            if n in {*begins}
-            else f"{field[1]}: {(field[2] or '').replace('NULL', '')}"
-            if field
-            else ""
-        )
+        made[n] = f"{field[1]}: {(field[2] or '').replace('NULL', '')}" if field else ""
+    for n in begins:
+        made[n] = "---"
     return "\n".join(made)
 
 

@@ -37,7 +37,8 @@ def refuse_frames(text: str) -> None:
     """
     lines = [(n, line) for n, line in enumerate(text.splitlines(), 1) if line.strip()]
     plain = [(n, line) for n, line in lines if not line.lstrip().startswith(("#", "//", "%"))]
-    said = any(_OF_TWO.search(line) for n, line in lines if (n, line) not in plain[1:])
+    rest = {n for n, _ in plain[1:]}
+    said = any(_OF_TWO.search(line) for n, line in lines if n not in rest)
     for form in (_CAN, _DUMPED, _LINE):
         found = [(n, line) for n, line in plain if form.fullmatch(line)]
         if form is _DUMPED:  # else the first number may be a time

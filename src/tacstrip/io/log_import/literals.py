@@ -51,7 +51,8 @@ def literal(text: str, *, words: bool = False) -> Any:
         head = _ASSIGNED.match(text) or head
     try:
         return _value(ast.parse(text[head.end() :].rstrip().rstrip(",;"), mode="eval").body, words=words)
-    except (ValueError, SyntaxError, MemoryError, RecursionError):
+    # TypeError and OverflowError: a date of no numbers, a sign before a text, a list as a key.
+    except (ValueError, TypeError, OverflowError, SyntaxError, MemoryError, RecursionError):
         return None
 
 

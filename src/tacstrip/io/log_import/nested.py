@@ -8,8 +8,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from tacstrip.errors import ReadingError
 from tacstrip.io.log_import.fields import clock_seconds, number_of
 from tacstrip.io.log_import.names import meaning
+from tacstrip.io.log_import.table import TOO_DEEP
 
 _FEW = 3  # records, or names of strips
 _MOST_OF_STRIP = 6  # values of a strip: its ends, and what may stand beside them
@@ -25,6 +27,11 @@ def regular(value: Any) -> tuple[Any, tuple[str, ...]]:
     that is another's but for its number, is left out, and so is a record's only inner record that holds all that has
     such a name.
 
+    Raises
+    ------
+    ReadingError
+        Of more levels than can be followed.
+
     Examples
     --------
     >>> regular({"log": {"-Nx1": {"t": 0, "h": 5}, "-Nx2": {"t": 1, "h": 5}, "-Nx3": {"t": 2, "h": 6}}})[0]
@@ -36,9 +43,12 @@ def regular(value: Any) -> tuple[Any, tuple[str, ...]]:
     >>> regular([{"host": "a", "doc": '{"t": 0, "h": 5}'}, {"host": "b", "doc": '{"t": 1, "h": 6}'}])[0]
     [{'host': 'a', 't': 0, 'h': 5}, {'host': 'b', 't': 1, 'h': 6}]
     """
-    value = _unpacked(value)
-    form = _Form([names for names in _lists_of(value) if _name_strips(names)])
-    return form.of([value])[0], tuple(form.told)
+    try:
+        value = _unpacked(value)
+        form = _Form([names for names in _lists_of(value) if _name_strips(names)])
+        return form.of([value])[0], tuple(form.told)
+    except RecursionError:
+        raise ReadingError(TOO_DEEP) from None
 
 
 def _unpacked(value: Any) -> Any:

@@ -30,6 +30,7 @@ _SAID = (
 _CELLS = 100_000  # of a table, however sparse
 _SPARSEST = 256  # cells of a larger table to one that is filled: more than strips of which one is touched
 _DEEPEST = 32  # levels of records within records
+TOO_DEEP = f"the log has records of more than {_DEEPEST} levels within each other"
 
 
 class ContradictionError(ReadingError):
@@ -236,7 +237,7 @@ def _parents(name: str) -> list[str]:
 def flattened(name: str, value: Any, _level: int = 0) -> dict[str, str]:
     """Return a value of a record as fields: arrays as name[0], name[1], ..., what is within it as name.key."""
     if _level >= _DEEPEST:
-        raise ReadingError(f"the log has records of more than {_DEEPEST} levels within each other")
+        raise ReadingError(TOO_DEEP)
     if isinstance(value, dict):
         parts = [(f"{name}.{key}" if name else str(key), v) for key, v in value.items()]
     elif isinstance(value, list | tuple):

@@ -16,11 +16,8 @@ _TEXT = re.compile(r"_?(?:message|msg|log|line|text|body|payload|data|event)", r
 _TIME = re.compile(r"time|date|(?:\b|_)ts\b", re.IGNORECASE)
 _OWN_TIME = re.compile(r"@?(?:time|timestamp|ts)", re.IGNORECASE)
 _NUMBER = re.compile(r"\d+(?:\.\d+)?")
-_EPOCH, _STEPS, _PARTS = (
-    1e9,
-    3,
-    1000.0,
-)  # seconds since 1970, or thousandths of one, or thousandths of these, ...
+# Seconds since 1970, or thousandths of one, or thousandths of these, ...
+_EPOCH, _STEPS, _PARTS = 1e9, 3, 1000.0
 
 
 def unwrapped(text: str) -> str:
@@ -48,7 +45,7 @@ def unwrapped(text: str) -> str:
     times = [n for n in names if _TIME.search(n) and all(_stamp(r.get(n)) for r in records)]
     times.sort(key=lambda n: _OWN_TIME.fullmatch(n) is None)  # before when it came to another place
     return "\n".join(
-        " ".join([*(_stamp(r[n]) for n in times[:1]), str(r.get(of_text[0], "")).strip()]) for r in records
+        " ".join([*(_stamp(r[n]) for n in times[:1]), str(r.get(of_text[0]) or "").strip()]) for r in records
     )
 
 
@@ -79,7 +76,7 @@ def _hold_lines(values: Sequence[Any]) -> bool:
 
 def _stamp(value: Any) -> str:
     """Return a time as it may stand before a line, a number since 1970 as a date; "" of what is none."""
-    number = value if isinstance(value, int | float) else number_of(str(value))
+    number = number_of(str(value))
     if number is None:
         return str(value) if clock_seconds(str(value)) is not None else ""
     for step in range(_STEPS + 1):

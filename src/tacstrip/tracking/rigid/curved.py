@@ -10,7 +10,7 @@ import shapely
 
 from tacstrip.arrays import FloatArray, IntArray
 from tacstrip.core.binding import Loss
-from tacstrip.core.rigid import RigidScans, equations, fit_poses, loss, reduced
+from tacstrip.core.rigid import LEAST, RigidScans, equations, fit_poses, loss, reduced
 from tacstrip.geometry.moments import area, moments, principal_angle
 from tacstrip.tracking.rigid.corners import FEWEST, PLACES, Fit, edges_removed, posed, reflex
 from tacstrip.tracking.rigid.covariance import information, of_numbers
@@ -103,7 +103,7 @@ class RigidCurve:
         if self.kind == DISC:  # what tells an angle are the corners that draw it
             own[:, 2] = own[:, :, 2] = mixed[:, 2] = 0.0
         own[:, 2, 2] += 12.0 / math.pi**2  # of half a turn nothing is known before
-        inverse = np.linalg.inv(own)
+        inverse = np.linalg.inv(own + LEAST * np.eye(3))  # a scan may tell nothing of x
         follow = inverse @ mixed
         known = found.shape - np.einsum("tip,tiq->pq", mixed, follow)
         value, vector = np.linalg.eigh(known)

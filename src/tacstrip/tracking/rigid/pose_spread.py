@@ -17,7 +17,7 @@ from tacstrip.tracking.rigid.corners import Fit
 from tacstrip.tracking.rigid.covariance import information
 from tacstrip.tracking.rigid.search import FEW_STRIPS
 
-_FREE = 12.0  # pitches^-2: what strips that touch tell of a pose anywhere within a gap between them
+FREE = 12.0  # pitches^-2: what strips that touch tell of a pose anywhere within a gap between them
 _BLOCK = 256  # scans that are sampled at a time
 _BESIDE, _BESIDE_TURNED = 0.2, 0.3  # pitches, along an axis and of the outline's corners: poses at no kink
 _DRAWS = 192  # poses of a scan that are drawn in a round
@@ -25,7 +25,7 @@ _LEAST_FEW, _LEAST, _MOST = 2, 1, 6  # rounds, at least of few strips and of oth
 _ENOUGH, _FEWEST = 100.0, 24.0  # effective draws that end a scan's rounds, and that the next is drawn by
 _TAIL, _WIDER = 4.0, 1.5  # degrees of freedom of what is drawn from; times the covariance known so far
 _EVENED, _EVENINGS = 0.6, 9  # exponent of weights of which too few count, and how often it is taken
-_NO_LESS_MM2 = 1e-10  # of a covariance that is drawn from: exact readings leave hardly any
+NO_LESS_MM2 = 1e-10  # of a covariance that is drawn from: exact readings leave hardly any
 
 
 @dataclass
@@ -110,7 +110,7 @@ def bounds_beside(scans: RigidScans, fit: Fit) -> tuple[FloatArray, FloatArray]:
     total, count = poses.shape[:2]
     again = scans.of(np.repeat(np.arange(total), count))
     known = information(again, fit.corners, poses.reshape(-1, 3)).pose.reshape(total, count, 3, 3)
-    known = known + np.diag(_FREE * np.array([1.0, 1.0, 0.0]) / scans.sensor.pitch_mm**2) + LEAST * np.eye(3)
+    known = known + np.diag(FREE * np.array([1.0, 1.0, 0.0]) / scans.sensor.pitch_mm**2) + LEAST * np.eye(3)
     bounds = np.asarray(np.linalg.inv(known), dtype=np.float64)
     return bounds[:, 0], np.asarray(bounds.mean(axis=1))
 
@@ -119,7 +119,7 @@ def _with_more(
     draws: _Draws, scans: RigidScans, fit: Fit, mean: FloatArray, covariance: FloatArray, student: FloatArray
 ) -> _Draws:
     """Return the draws with as many more as of Student's distribution (M, 3), moved and stretched to a mean."""
-    root = np.linalg.cholesky(_WIDER * covariance + _NO_LESS_MM2 * np.eye(3))
+    root = np.linalg.cholesky(_WIDER * covariance + NO_LESS_MM2 * np.eye(3))
     peak = 1.0 / np.diagonal(root, axis1=1, axis2=2).prod(axis=1)
     new = mean[:, None] + student @ root.transpose(0, 2, 1)
     costs = fit_poses(scans, fit.corners, fit.poses[:, None] + new, loss(scans), 0)[1]

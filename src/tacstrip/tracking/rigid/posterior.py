@@ -16,14 +16,11 @@ from tacstrip.arrays import FloatArray
 from tacstrip.core.rigid import LEAST, RigidScans, fit_poses, loss, walk
 from tacstrip.tracking.rigid.corners import Fit, best_of, posed, poses_around, reflex
 from tacstrip.tracking.rigid.covariance import covariances, information
-from tacstrip.tracking.rigid.pose_spread import bounds_beside
+from tacstrip.tracking.rigid.pose_spread import FREE, NO_LESS_MM2, bounds_beside
 
 _STAGES, _STEPS = 4, 200  # of a walk, after each of which it has learned; the first one is dropped
-_NEARING, _LASTING, _LONG = (
-    5,
-    6,
-    500,
-)  # stages until it is where the outlines are likely, and there, of so many steps
+# Stages until it is where the outlines are likely, and there, of so many steps.
+_NEARING, _LASTING, _LONG = 5, 6, 500
 _LEAVES, _ELSEWHERE = 2.5, 3.0  # deviations of the walk's mean from the fit: it goes on, and leads elsewhere
 # Logarithm of the volume of poses beside the fit's over that of its own, in the mean: the walk goes on, too; and
 # deviations from which on it leads elsewhere, for the bound at such a fit is that of a kink.
@@ -32,14 +29,9 @@ _STUCK = 0.02  # share of trials taken: the walk is held where it began
 _LOST = 8.0  # of chi square, by which a scan's other pose has to be better to be jumped to
 _SIZES, _SHARES = (0.1, 0.35, 1.0), (0.3, 0.4, 0.3)  # of steps over the usual one, and how often
 _USUAL = 2.4  # deviations of a step over the root of how many numbers it has
-_POSE_SIZES, _POSE_TRIES = (
-    (0.3, 1.0, 3.0),
-    2,
-)  # deviations of a pose's steps; tries of each after one of corners
+_POSE_SIZES = (0.3, 1.0, 3.0)  # deviations of a pose's steps
 _FARTHEST = 0.2  # of the outline's extent: deviation of steps, at most
 _KEEP = 0.1  # of the bound where the walk is, in the covariance of its steps beside what it has learned
-_GAP = 12.0  # pitches^-2: what is known of an end anywhere within a gap
-_NO_LESS_MM2 = 1e-10  # of a pose's covariance: exact readings leave hardly any
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,14 +140,13 @@ class _Walk:
         numbers = root.shape[1]
         sizes = random.choice(_SIZES, size=(steps, 1), p=_SHARES) * _USUAL / np.sqrt(numbers)
         moves = ((sizes * random.normal(size=(steps, numbers))) @ root.T).reshape(steps, *corners.shape)
-        bounds = np.stack(bounds_beside(scans, Fit(corners, poses, self.costs)))
-        roots = np.linalg.cholesky(
-            bounds + _NO_LESS_MM2 * np.eye(3)
-        )  # at a kink, then as beside it (2, T, 3, 3)
-        each = (steps, 2, len(poses))
-        draws = random.normal(size=(2, len(poses), 3, steps)) * random.choice(
-            _POSE_SIZES, size=(2, len(poses), 1, steps)
-        )
+        # Of each pose two steps: as at a kink, then as beside it.
+        bounds = np.stack(bounds_beside(scans, Fit(corners, poses, self.costs)))  # (2, T, 3, 3)
+        roots = np.linalg.cholesky(bounds + NO_LESS_MM2 * np.eye(3))
+        tries, total = bounds.shape[:2]
+        each = (steps, tries, total)
+        draws = random.normal(size=(tries, total, 3, steps))
+        draws *= random.choice(_POSE_SIZES, size=(tries, total, 1, steps))
         above, pose_above = (-2.0 * np.log1p(-random.random(size)) for size in (steps, each))
         walked, self.poses, self.costs = walk(
             scans, corners, poses, self.costs, _follow(scans, corners, poses),
@@ -168,11 +159,8 @@ class _Walk:
 
 def _follow(scans: RigidScans, corners: FloatArray, poses: FloatArray) -> FloatArray:
     """Return how poses follow corners (T, 3, 2 N), their ends anywhere within the gaps that they lie in."""
-    found, rows, free = (
-        information(scans, corners, poses),
-        np.arange(len(poses)),
-        _GAP / scans.sensor.pitch_mm**2,
-    )
+    found = information(scans, corners, poses)
+    rows, free = np.arange(len(poses)), FREE / scans.sensor.pitch_mm**2
     pose, mixed = found.pose + LEAST * np.eye(3), found.mixed.copy()
     cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
     x = np.outer(cos, corners[:, 0]) - np.outer(sin, corners[:, 1])
