@@ -42,20 +42,19 @@ def stated_vref(line: str) -> float | None:
     return _value(found[1], found[2] or "") if found else None
 
 
-def other_supplies(text: str, rows: Sequence[int], above: Sequence[str]) -> tuple[str, ...]:
-    r"""Return the lines of a text among its rows that name volts of Vref or a supply which none above names, each once.
+def other_supplies(text: str, above: Sequence[str]) -> tuple[str, ...]:
+    r"""Return the lines of a text that name volts of Vref or a supply which none above the readings names, each once.
 
     Examples
     --------
-    >>> other_supplies("scan 0, Vref=3.3V\\n1 2.5\\nscan 1, Vref=3.0V\\n1 2.4", [2, 4], ["scan 0, Vref=3.3V"])
+    >>> other_supplies("scan 0, Vref=3.3V\n1 2.5\nscan 1, Vref=3.0V\n1 2.4", ["scan 0, Vref=3.3V"])
     ('scan 1, Vref=3.0V',)
     """
-    named = {v for line in above for v in _named_volts(line)}
-    at, found = {*rows}, list[str]()
-    for n, line in numbered(text):
-        if n not in at and (volts := _named_volts(line) - named):
-            named |= volts
-            found.append(line.strip())
+    named, found = {v for line in above for v in _named_volts(line)}, list[str]()
+    for _, line in numbered(text):
+        other = {v for v in _named_volts(line) if all(abs(v - known) > _AS_SPEC * known for known in named)}
+        named |= other
+        found += [line.strip()] if other else []
     return tuple(found)
 
 

@@ -139,7 +139,7 @@ def _with_lines(table: Table, text: str) -> Table:
     table = in_parts(table, text)
     return replace(
         table,
-        preamble=(*table.preamble, *other_supplies(text, table.lines, table.preamble)),
+        preamble=(*table.preamble, *other_supplies(text, table.preamble)),
         resolutions=resolutions(text, frozenset(table.lines)),
         quotes={**table.quotes, **quotes},
         doubts=(*table.doubts, *order_told_otherwise(text, table.names)),
