@@ -79,8 +79,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     ):
         Path(name).write_text("the only copy", encoding="utf-8")
     Path("a-recovered.mcap").write_text("the only copy", encoding="utf-8")
-    (tmp_path / "own").mkdir()
-    Path("own/notes.txt").write_text("the only copy", encoding="utf-8")
+    (tmp_path / "own/figures").mkdir(parents=True)
+    Path("own/figures/setup.png").write_text("the only copy", encoding="utf-8")
     Path("study.toml").write_text(STUDY, encoding="utf-8")
     Path("sweep.toml").write_text(
         STUDY.replace("n = 3\n", "") + '[measure]\nwhat = ["bound"]\n[vary]\npitch_mm = [5.0]\n',
@@ -115,7 +115,7 @@ def test_no_verb_fills_a_folder_of_something_else(folder: Path, call: str) -> No
     done = CliRunner().invoke(cli, call.split())
     assert isinstance(done.exception, ts.OptionError), done.output
     assert str(done.exception).startswith("own ")
-    assert [path.name for path in (folder / "own").iterdir()] == ["notes.txt"]
+    assert [path.name for path in (folder / "own").rglob("*")] == ["figures", "setup.png"]
 
 
 @pytest.mark.parametrize(

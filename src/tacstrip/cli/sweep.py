@@ -47,7 +47,8 @@ def command(
 
     Example: tacstrip sweep study.toml --out designs --shard 3/16
     """
-    own_folder(out, "batches")
+    if not plan:  # which writes nothing
+        own_folder(out, "batches")
     asked = Sweep.load(study)
     warn(unlikely_lengths(asked.base.sensor), file=study)
     if plan:
