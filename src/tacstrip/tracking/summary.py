@@ -154,7 +154,7 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
     if one.likely:
         by_offsets = shape - covariances(without, corners, fit.poses)[0] if deviation else 0.0
         shape = one.likely.covariance + by_offsets
-        of_poses = poses_of_shape(without, shape)
+        of_poses = poses_of_shape(without, shape, sensor.pitch_mm)
     order = np.argsort(one.shown)
     wider = following(one.scans.of(order), corners, fit.poses[order])
     found_noise = one.noise_found(read.sigma) ** 2

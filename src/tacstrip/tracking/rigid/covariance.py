@@ -13,6 +13,7 @@ from tacstrip.errors import ContactError
 from tacstrip.sensor.spec import Sensor
 from tacstrip.simulation import simulate
 
+FREE = 12.0  # pitches^-2: what strips that touch tell of a pose anywhere within a gap between them
 UPRIGHT = 300.0  # slope of an edge that counts as upright
 # Deviations of what neighbouring scans leave over alike; scans that are looked back.
 _FOLLOWING, _LAGS = 3.0, 20
@@ -61,9 +62,15 @@ def covariances(
     return np.asarray(inner @ pinned @ inner.T), np.asarray(of_poses)
 
 
-def poses_of_shape(found: Equations, shape: FloatArray) -> FloatArray:
-    """Return the covariances (T, 3, 3) of free poses that follow corners whose covariance is given (2 N, 2 N)."""
-    _, _, inverse = reduced(found, pinned=0.0)  # the corners' own frame is given, and fixed to no scan
+def poses_of_shape(found: Equations, shape: FloatArray, pitch_mm: float) -> FloatArray:
+    """Return the covariances (T, 3, 3) of free poses that follow corners whose covariance is given (2 N, 2 N).
+
+    Where the readings leave x free, the outermost corners still lie anywhere within the gaps that end at strips they
+    do not touch.
+    """
+    pose = found.pose.copy()
+    pose[:, 0, 0] += FREE / pitch_mm**2
+    _, _, inverse = reduced(replace(found, pose=pose), pinned=0.0)  # the corners' own frame, fixed to no scan
     follow = inverse @ found.mixed
     return np.asarray(inverse + follow @ shape @ follow.transpose(0, 2, 1))
 

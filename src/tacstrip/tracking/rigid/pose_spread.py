@@ -14,10 +14,9 @@ import numpy as np
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.core.rigid import LEAST, RigidScans, fit_poses, loss
 from tacstrip.tracking.rigid.corners import Fit
-from tacstrip.tracking.rigid.covariance import information
+from tacstrip.tracking.rigid.covariance import FREE, information
 from tacstrip.tracking.rigid.search import FEW_STRIPS
 
-FREE = 12.0  # pitches^-2: what strips that touch tell of a pose anywhere within a gap between them
 _BLOCK = 256  # scans that are sampled at a time
 _BESIDE, _BESIDE_TURNED = 0.2, 0.3  # pitches, along an axis and of the outline's corners: poses at no kink
 _DRAWS = 192  # poses of a scan that are drawn in a round

@@ -15,8 +15,8 @@ import numpy as np
 from tacstrip.arrays import FloatArray
 from tacstrip.core.rigid import LEAST, RigidScans, fit_poses, loss, walk
 from tacstrip.tracking.rigid.corners import Fit, best_of, posed, poses_around, reflex
-from tacstrip.tracking.rigid.covariance import covariances, information
-from tacstrip.tracking.rigid.pose_spread import FREE, NO_LESS_MM2, bounds_beside
+from tacstrip.tracking.rigid.covariance import FREE, covariances, information
+from tacstrip.tracking.rigid.pose_spread import NO_LESS_MM2, bounds_beside
 
 _STAGES, _STEPS = 4, 200  # of a walk, after each of which it has learned; the first one is dropped
 # Stages until it is where the outlines are likely, and there, of so many steps.
