@@ -27,10 +27,8 @@ WRITTEN = {
     ("press", "-o"): "press fingertip plane --pose 0 0 20 -1 0 -1 --depth 1 -o a.csv",
     ("press", "--patch"): "press fingertip plane --pose 0 0 20 -1 0 -1 --depth 1 -o new.csv --patch a.json",
     ("import", "-o"): "import log.csv -o a.csv",
-    (
-        "import",
-        "mapping",
-    ): "import log.csv -o b.csv",  # and writes b.mapping.toml, which somebody may have edited
+    # It writes b.mapping.toml, which somebody may have edited.
+    ("import", "mapping"): "import log.csv s.toml -o b.csv --answer strip_base=0 --answer missing=untouched",
     ("reconstruct", "-o"): "reconstruct s.toml r.csv -o a.geojson",
     ("track", "-o"): "track s.toml r.csv -o a.geojson",
     ("calibrate", "-o"): "calibrate s.toml runs.csv -o a.toml",
@@ -66,6 +64,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     SENSOR.save("s.toml")
     Path("o.wkt").write_text("POLYGON ((3 5, 27 9, 22 25, 3 5))\n", encoding="utf-8")
     ts.write_readings("r.csv", SENSOR, [ts.simulate(SENSOR, ts.Contact.from_wkt(Path("o.wkt").read_text()))])
+    Path("log.csv").write_text("t_ms,strip,vh,vl\n" + "".join(f"{20 * n},3,2.{n},1.{n}\n" for n in range(8)))
     for name in (
         "a.toml",
         "a.csv",
@@ -108,6 +107,14 @@ def test_no_verb_writes_over_a_file_unasked(folder: Path, call: str) -> None:
     assert isinstance(done.exception, ts.OptionError), done.output
     assert "exists already; choose another name, or add --" in str(done.exception)
     assert {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()} == before
+
+
+def test_the_same_mapping_once_more_is_no_loss(folder: Path) -> None:
+    for output in ("new.csv", "new.mcap"):
+        done = CliRunner().invoke(
+            cli, f"import log.csv s.toml -o {output} --answer strip_base=0 --answer missing=untouched".split()
+        )
+        assert done.exit_code == 0, done.output
 
 
 @pytest.mark.parametrize("call", [*FOLDERS.values()])

@@ -14,7 +14,7 @@ import numpy as np
 from tacstrip.cli import load_sensor, note, options, protect, warn, warn_of_log
 from tacstrip.cli.record import save_recording
 from tacstrip.diagnose.log import read_log
-from tacstrip.errors import OptionError, ReadingError, one_of
+from tacstrip.errors import OptionError, ReadingError, TacstripError, one_of
 from tacstrip.files import read_text, replacing
 from tacstrip.io.input_checks import half_read, one_reading
 from tacstrip.io.log_import.containers import read_table
@@ -74,7 +74,7 @@ def command(
         raise OptionError("--mapping says everything; leave --answer out, or edit the mapping")
     beside = None if given else output.with_suffix(".mapping.toml")
     protect(output, log, spec, given, force=force)
-    protect(beside, log, spec, force=force)
+    protect(beside, log, spec, force=True)  # for now: whether it would change shows later
     sensor = load_sensor(spec) if spec else None
     told = options.answered(answers)
     without = (
@@ -85,12 +85,21 @@ def command(
         found = _mapped(table, given, sensor) if given else propose(table, sensor, told, _stated(spec))
         for reason in found.reasons:
             note(f"  {reason}")
+    protect(beside, log, spec, force=force or _is_as_before(beside, found.mapping))
     warn(*found.doubts, _all_touched(found, sensor), file=log)
     _write(log, found, sensor, spec, output, force)
     _show(found, sensor)
     if beside is not None:
         found.mapping.save(beside)
         note(f"{beside}: how it was read; use it for logs of the same form with --mapping")
+
+
+def _is_as_before(beside: Path | None, mapping: ColumnMapping) -> bool:
+    """Return whether a mapping that is there already is the one that would be written."""
+    try:
+        return beside is not None and beside.exists() and ColumnMapping.load(beside) == mapping
+    except (TacstripError, OSError):
+        return False
 
 
 def _stated(spec: str | None) -> frozenset[str] | None:

@@ -234,4 +234,5 @@ def asked_of(log: Path, more: str = "") -> Iterator[None]:
         ) from None
     except ReadingError as error:
         named = f"{log}: {error}" if not str(error).startswith(str(log)) else str(error)
-        raise ReadingError("\n  ".join(filter(None, [named, more]))) from None
+        helps = more if log.is_file() else ""
+        raise ReadingError("\n  ".join(filter(None, [named, helps]))) from None
