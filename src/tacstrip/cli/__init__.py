@@ -162,7 +162,7 @@ def protect(
 
 
 def own_folder(out: Path, *marks: str) -> None:
-    """Refuse a folder to write to that holds something, but none of the files that the verb itself has written there.
+    """Refuse a folder to write to that holds files, but none of those that the verb itself has written there.
 
     `marks` are patterns of their names, which no other program gives.
 
@@ -175,7 +175,7 @@ def own_folder(out: Path, *marks: str) -> None:
         return
     if not out.is_dir():
         raise OptionError(f"{out} is a file; name a folder")
-    if any(out.iterdir()) and not any(any(out.glob(mark)) for mark in marks):
+    if any(not path.is_dir() for path in out.rglob("*")) and not any(any(out.glob(mark)) for mark in marks):
         raise OptionError(f"{out} holds files that are not of this verb; name a new or an empty folder")
 
 
