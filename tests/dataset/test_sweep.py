@@ -225,7 +225,7 @@ def test_a_dask_cluster_gives_the_same_table(tmp_path: Path) -> None:
     study, local, remote = _study(tmp_path), tmp_path / "local", tmp_path / "remote"
     sweep(study, local, workers=1)
     with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None, protocol="inproc"
+        n_workers=1, threads_per_worker=2, processes=False, dashboard_address=":0", protocol="inproc"
     ) as cluster:
         sweep(study, remote, dask=cluster.scheduler_address)
     assert collect(study, remote) == collect(study, local)
@@ -240,7 +240,7 @@ def test_a_cluster_of_four_workers_one_killed_midway_gives_the_same_table(tmp_pa
     text = STUDY.replace("samples = 3", "samples = 12").replace("batch_designs = 2", "batch_designs = 1")
     study, local, remote = _study(tmp_path, text), tmp_path / "local", tmp_path / "remote"
     sweep(study, local, workers=2)
-    with distributed.LocalCluster(n_workers=4, threads_per_worker=1, dashboard_address=None) as cluster:
+    with distributed.LocalCluster(n_workers=4, threads_per_worker=1, dashboard_address=":0") as cluster:
         first: list[int] = [nanny.pid for nanny in cluster.workers.values()]
 
         def kill_one(state: Progress) -> None:
