@@ -12,5 +12,5 @@ def wait_until(ready: Callable[[], object]) -> None:
     """Return as soon as a condition holds; fail where it never does."""
     end = time.monotonic() + HANG_S
     while not ready():
-        assert time.monotonic() < end, "waited in vain"
+        assert time.monotonic() < end, "what is waited for did not come"
         time.sleep(0.005)

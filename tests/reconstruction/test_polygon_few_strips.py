@@ -24,7 +24,7 @@ TRIANGLE = Contact.polygon([(20, 30), (70, 40), (45, 90)])
 @pytest.mark.parametrize("half_width", [0.0002, 0.002])
 @pytest.mark.parametrize("known", [True, False])
 def test_a_sharp_corner_is_no_stuck_channel_and_no_curve(half_width: float, known: bool) -> None:
-    """Sections of 13 strips are curved, so that beside the apex no line foretells a reading."""
+    """Sections of 13 strips are curved, so that beside the apex no line predicts a reading."""
     noise, doubtful = Noise(positional=half_width), 0
     for i in range(40):
         contact = TRIANGLE.placed(46.5 + 0.05 * i, 55.0 + 0.05 * i)

@@ -123,7 +123,7 @@ def test_a_concave_shape_comes_back_as_a_convex_one(figure: str) -> None:
 
 
 def test_amplification_is_what_noise_does() -> None:
-    """The derivative of V.R. foretells the spread of its vertices under small noise."""
+    """The derivative of V.R. predicts the spread of its vertices under small noise."""
     shape, position, sigma = "tetragon", 3, 1e-5
     gain = amplification("kl", shape, position)
     contact, x = SHAPES[shape].contact(position), SHAPES[shape].transitions(position)

@@ -102,7 +102,7 @@ def read_table(path: str | Path, sheet: str | None = None) -> Table:
 
 
 def _of_mcap(file: Path) -> str:
-    """Say what makes readings of a recording: ours begins with its spec and what is said of it."""
+    """Return which command makes readings of an MCAP file: one that tacstrip recorded names it near the start."""
     with file.open("rb") as stream:
         own = b"tacstrip" in stream.read(_OURS)
     if own:

@@ -20,7 +20,7 @@ _RULED_OUT = -6.0  # likewise: odds of 1:20 against offsets
 # Fits that offsets are fitted along with; how far above the best criterion these may be, before and after; and what
 # differs by less is one outline.
 _TRIED, _NEAR, _ALIKE = 4, 8.0, 0.1
-_HOPELESS = 2.0  # times the freedom, foretold: what is not rigid
+_NOT_RIGID = 2.0  # chi square over the freedom, as predicted with offsets: no rigid outline leaves so much
 _DAMPING = 1e-4
 
 _T = TypeVar("_T")
@@ -103,11 +103,11 @@ def offsets_of_all(scans: RigidScans, fits: list[Fit], least: float) -> list[tup
     if len(scans.k) < _FEWEST:
         return []
     none = Offsets(np.zeros(scans.k.shape[1:]), _FIRST)
-    hoped = [(_hoped(scans, fit), fit) for _, fit in _unlike([(f.criterion(scans), f) for f in fits])]
+    predicted = [(_with_offsets(scans, fit), fit) for _, fit in _unlike([(f.criterion(scans), f) for f in fits])]
     tries = list[tuple[float, tuple[Offsets, Fit]]]()
-    for hope, fit in _unlike(hoped)[:_TRIED]:
-        foretold = hope - fit.criterion(scans) + fit.cost
-        if hope < least + _NEAR and foretold < _HOPELESS * fit.freedom(scans):
+    for criterion, fit in _unlike(predicted)[:_TRIED]:
+        cost = criterion - fit.criterion(scans) + fit.cost
+        if criterion < least + _NEAR and cost < _NOT_RIGID * fit.freedom(scans):
             trial = channel_offsets(scans, fit, none)
             assert trial is not None
             offsets, fewer = without_needless_corners(scans, *trial)
@@ -127,7 +127,7 @@ def _unlike(fits: list[tuple[float, _T]]) -> list[tuple[float, _T]]:
     return kept
 
 
-def _hoped(scans: RigidScans, fit: Fit) -> float:
+def _with_offsets(scans: RigidScans, fit: Fit) -> float:
     """Return what the criterion of a fit becomes once offsets are fitted along, as far as that is linear."""
     known_of, asked = _alone(scans, fit, np.zeros(scans.k.shape[1:]), _FIRST)
     price = float(np.linalg.slogdet(_FIRST**2 * known_of)[1])
