@@ -64,6 +64,17 @@ static inline double uniform_draw(unsigned long long place) {
   bits ^= bits >> 31;
   return (double)(Int)(bits >> 11) * (1.0 / 9007199254740992.0);
 }
+/* Draws one after the other, from `place` on: uniform in 0..1, a whole number below n, a bell of variance 1. */
+static inline double next_uniform(unsigned long long *place) { return uniform_draw((*place)++); }
+static inline Int next_below(unsigned long long *place, Int n) {
+  Int i = (Int)(next_uniform(place) * (double)n);
+  return i < n ? i : n - 1;
+}
+static inline double next_bell(unsigned long long *place) {
+  double sum = next_uniform(place);
+  for (int i = 0; i < 3; i++) sum += next_uniform(place);
+  return 1.7320508075688772 * (sum - 2.0);
+}
 
 /* mathematics.c */
 HIDDEN double exponential(double x);        /* |x| < 700 */

@@ -38,24 +38,12 @@ typedef struct {
   double squares, prior, sigma; /* sigma over that of the weights */
 } State;
 
-static double random(Sampler *s) { return uniform_draw(s->place++); }
-static Int random_int(Sampler *s, Int n) {
-  Int i = (Int)(random(s) * (double)n);
-  return i < n ? i : n - 1;
-}
-/* Symmetric, of variance 1. */
-static double bell(Sampler *s) {
-  double sum = random(s) + random(s);
-  sum += random(s);
-  sum += random(s);
-  return 1.7320508075688772 * (sum - 2.0);
-}
-static double waiting(Sampler *s) { return -natural_log(random(s) + 1e-300); }
-static double scale(Sampler *s) { return exponential(-s->prior->finest * random(s)); }
+static double waiting(Sampler *s) { return -natural_log(next_uniform(&s->place) + 1e-300); }
+static double scale(Sampler *s) { return exponential(-s->prior->finest * next_uniform(&s->place)); }
 
 /* A height whose mean is a or, with the share p, b; and its density. One draw a statement: C leaves their order open. */
 static double mixed_draw(Sampler *s, double a, double p, double b) {
-  double mean = random(s) < p ? b : a;
+  double mean = next_uniform(&s->place) < p ? b : a;
   return mean * waiting(s);
 }
 static double mixed_density(double h, double a, double p, double b) {
@@ -229,7 +217,7 @@ static void widen(const Sampler *s, Outline *o, double left, double right, doubl
 
 /* Of all interior vertices one: its chain and its place there. */
 static Int pick(Sampler *s, const Outline *o, int *c) {
-  Int j = random_int(s, interior(o));
+  Int j = next_below(&s->place, interior(o));
   *c = j >= o->count[0] - 2;
   return *c ? j - (o->count[0] - 2) + 1 : j + 1;
 }
@@ -257,24 +245,24 @@ static double move_vertex(Sampler *s, Outline *o) {
   if (interior(o) == 0) return REFUSED;
   int c;
   Int i = pick(s, o, &c);
-  double size = scale(s), way = random(s);
+  double size = scale(s), way = next_uniform(&s->place);
   if (way < 0.4) { /* along an edge, which keeps its line */
-    Int other = random(s) < 0.5 ? i - 1 : i + 1;
-    double run = o->x[c][other] - o->x[c][i], dx = 0.3 * size * bell(s), left = (run - dx) / run;
+    Int other = next_uniform(&s->place) < 0.5 ? i - 1 : i + 1;
+    double run = o->x[c][other] - o->x[c][i], dx = 0.3 * size * next_bell(&s->place), left = (run - dx) / run;
     if (!(left > 0.0)) return REFUSED;
     o->x[c][i] += dx;
     o->y[c][i] += dx * (o->y[c][other] - o->y[c][i]) / run;
     return natural_log(left); /* edges near the other vertex lie closer to each other */
   } else {
-    if (way >= 0.7) o->x[c][i] += 0.3 * size * bell(s);
-    o->y[c][i] += 0.1 * size * bell(s);
+    if (way >= 0.7) o->x[c][i] += 0.3 * size * next_bell(&s->place);
+    o->y[c][i] += 0.1 * size * next_bell(&s->place);
   }
   return 0.0;
 }
 
 /* An end goes out or in and its edges, or one of a point, keep their lines: between two strips nothing else is as likely. */
 static double slide_end(Sampler *s, Outline *o, int end, int both, double dx) {
-  int only = random(s) < 0.5;
+  int only = next_uniform(&s->place) < 0.5;
   if (!both) dx *= scale(s); /* the other edge turns */
   double y[2], x = 0.0, shrunk = 1.0;
   for (int c = 0; c < 2; c++) {
@@ -295,18 +283,18 @@ static double slide_end(Sampler *s, Outline *o, int end, int both, double dx) {
 }
 
 static double move_end(Sampler *s, Outline *o) {
-  int end = random(s) < 0.5, both = upright(o, end);
+  int end = next_uniform(&s->place) < 0.5, both = upright(o, end);
   Int at[2] = {end ? o->count[0] - 1 : 0, end ? o->count[1] - 1 : 0};
-  if (random(s) < 0.3) {
-    double dx = s->problem->pitch * (random(s) - 0.5);
+  if (next_uniform(&s->place) < 0.3) {
+    double dx = s->problem->pitch * (next_uniform(&s->place) - 0.5);
     if (!s->free) return slide_end(s, o, end, both, dx);
     for (int c = 0; c < 2; c++) o->x[c][at[c]] += dx;
     return 0.0;
   }
-  double size = 0.1 * scale(s), dl = size * bell(s), du = dl;
+  double size = 0.1 * scale(s), dl = size * next_bell(&s->place), du = dl;
   if (both) {
-    double which = random(s);
-    if (which < 0.5) du = size * bell(s);
+    double which = next_uniform(&s->place);
+    if (which < 0.5) du = size * next_bell(&s->place);
     if (which < 0.3) dl = 0.0;
     else if (which < 0.4) { dl = du; du = 0.0; }
   }
@@ -317,7 +305,7 @@ static double move_end(Sampler *s, Outline *o) {
 
 /* Both upright ends, and all between them, along the free direction. */
 static double move_wedge(Sampler *s, Outline *o) {
-  double size = scale(s), left = size * bell(s), right = size * bell(s), which = random(s);
+  double size = scale(s), left = size * next_bell(&s->place), right = size * next_bell(&s->place), which = next_uniform(&s->place);
   if (!upright(o, 0) || which < 0.3) left = 0.0;
   if (!upright(o, 1) || (which >= 0.3 && which < 0.6)) right = 0.0;
   if (left == 0.0 && right == 0.0) return REFUSED;
@@ -327,15 +315,16 @@ static double move_wedge(Sampler *s, Outline *o) {
 
 static double move_tent(Sampler *s, Outline *o) {
   if (o->count[0] < 3 || o->count[1] < 3) return REFUSED;
-  Int i = 1 + random_int(s, o->count[0] - 2), j = 1 + random_int(s, o->count[1] - 2);
+  Int i = 1 + next_below(&s->place, o->count[0] - 2), j = 1 + next_below(&s->place, o->count[1] - 2);
   double size = 0.5 * scale(s);
-  widen(s, o, 0.0, 0.0, size * bell(s), o->x[0][i], o->x[1][j]);
+  widen(s, o, 0.0, 0.0, size * next_bell(&s->place), o->x[0][i], o->x[1][j]);
   return 0.0;
 }
 
 /* The whole outline along the strips: moved, slanted, or stretched from one corner. */
 static double move_whole(Sampler *s, Outline *o) {
-  double which = random(s), size = scale(s), t = size * bell(s), fixed = o->y[0][0], stretch = exponential(0.5 * t);
+  double which = next_uniform(&s->place), size = scale(s), t = size * next_bell(&s->place), fixed = o->y[0][0],
+      stretch = exponential(0.5 * t);
   for (int c = 0; c < 2; c++) for (Int i = 0; i < o->count[c]; i++) {
     double *y = &o->y[c][i];
     if (which < 0.3) *y += 0.2 * t;
@@ -348,7 +337,7 @@ static double move_whole(Sampler *s, Outline *o) {
 /* The family that reads alike to the last bit: l' = l - c (s / n + l), u' = u + c ((1 - s) / n - u). */
 static double move_family(Sampler *s, Outline *o) {
   if (!upright(o, 0) || !upright(o, 1)) return REFUSED;
-  double size = 0.5 * scale(s), t = size * bell(s), keep = exponential(-t), c = 1.0 - keep;
+  double size = 0.5 * scale(s), t = size * next_bell(&s->place), keep = exponential(-t), c = 1.0 - keep;
   for (Int i = 0; i < o->count[0]; i++) o->y[0][i] -= c * (s->share / s->narrow + o->y[0][i]);
   for (Int i = 0; i < o->count[1]; i++) o->y[1][i] += c * ((1.0 - s->share) / s->narrow - o->y[1][i]);
   return -t * (double)(o->count[0] + o->count[1]);
@@ -356,9 +345,10 @@ static double move_family(Sampler *s, Outline *o) {
 
 /* An end becomes upright or pointed, the others along the free direction, or all others as they are. */
 static double turn_end(Sampler *s, Outline *o) {
-  int end = random(s) < 0.5, alone = !s->free || random(s) < 0.3, was = upright(o, end);
+  int end = next_uniform(&s->place) < 0.5, alone = !s->free || next_uniform(&s->place) < 0.3, was = upright(o, end);
   Int at[2] = {end ? o->count[0] - 1 : 0, end ? o->count[1] - 1 : 0};
-  double h = was ? o->y[1][at[1]] - o->y[0][at[0]] : random(s) < 0.5 ? random(s) : END_FINE * waiting(s), way = was ? -h : h;
+  double h = was ? o->y[1][at[1]] - o->y[0][at[0]] : next_uniform(&s->place) < 0.5 ? next_uniform(&s->place) :
+      END_FINE * waiting(s), way = was ? -h : h;
   double density = 0.5 * (h < 1.0) + 0.5 / END_FINE * exponential(-smaller(h / END_FINE, 600.0));
   if (alone) {
     double dl, du;
@@ -373,11 +363,12 @@ static double turn_end(Sampler *s, Outline *o) {
 static double one_more_or_less(Sampler *s, Outline *o) {
   double width = o->x[0][o->count[0] - 1] - o->x[0][0], signs = s->prior->reflex == REFUSED ? 1.0 : 0.5;
   Int now = interior(o);
-  if (random(s) < 0.5) {
-    int c = random(s) < 0.5;
+  if (next_uniform(&s->place) < 0.5) {
+    int c = next_uniform(&s->place) < 0.5;
     if (o->count[c] >= KNOTS) return REFUSED;
-    double x = o->x[0][0] + width * random(s), h = mixed_draw(s, FINE_STEP, COARSE_SHARE, COARSE_STEP);
-    double density = signs * mixed_density(h, FINE_STEP, COARSE_SHARE, COARSE_STEP), out = signs < 1.0 && random(s) < 0.5 ? -h : h;
+    double x = o->x[0][0] + width * next_uniform(&s->place), h = mixed_draw(s, FINE_STEP, COARSE_SHARE, COARSE_STEP);
+    double density = signs * mixed_density(h, FINE_STEP, COARSE_SHARE, COARSE_STEP),
+        out = signs < 1.0 && next_uniform(&s->place) < 0.5 ? -h : h;
     Int i = edge_at(o, c, x);
     insert(o, c, i + 1, x, between(o, c, i, x) + (c ? out : -out));
     return -natural_log((double)(now + 1) * 0.5 * density / width);
@@ -395,24 +386,24 @@ static double one_more_or_less(Sampler *s, Outline *o) {
 /* Two vertices, one on either chain, and all others along the free direction. */
 static double pair_more_or_less(Sampler *s, Outline *o) {
   double from = o->x[0][0], to = o->x[0][o->count[0] - 1], width = to - from, dl, du, h, off, x[2];
-  int more = random(s) < 0.5;
+  int more = next_uniform(&s->place) < 0.5;
   Int i, j, ways;
   if (more) {
     if (o->count[0] >= KNOTS || o->count[1] >= KNOTS) return REFUSED;
-    x[0] = from + width * random(s);
+    x[0] = from + width * next_uniform(&s->place);
     double apart = mixed_draw(s, PAIR_STEP, 0.5, 0.1 * PAIR_STEP);
-    x[1] = random(s) < 0.5 ? x[0] - apart : x[0] + apart;
+    x[1] = next_uniform(&s->place) < 0.5 ? x[0] - apart : x[0] + apart;
     h = mixed_draw(s, PAIR_LIFT, 0.5, PAIR_FINE);
     off = PAIR_OFF * waiting(s);
-    if (random(s) < 0.5) off = -off;
+    if (next_uniform(&s->place) < 0.5) off = -off;
     if (!(x[1] > from && x[1] < to && x[0] > from)) return REFUSED;
     i = edge_at(o, 0, x[0]) + 1;
     j = edge_at(o, 1, x[1]) + 1;
     ways = (o->count[0] - 1) * (o->count[1] - 1);
   } else {
     if (o->count[0] < 3 || o->count[1] < 3) return REFUSED;
-    i = 1 + random_int(s, o->count[0] - 2);
-    j = 1 + random_int(s, o->count[1] - 2);
+    i = 1 + next_below(&s->place, o->count[0] - 2);
+    j = 1 + next_below(&s->place, o->count[1] - 2);
     x[0] = o->x[0][i];
     x[1] = o->x[1][j];
     h = off = 0.0;
@@ -462,7 +453,7 @@ static double pair_more_or_less(Sampler *s, Outline *o) {
 }
 
 static double propose(Sampler *s, Outline *o) {
-  double which = random(s);
+  double which = next_uniform(&s->place);
   if (!s->free) return which < 0.42   ? move_vertex(s, o)
                        : which < 0.65 ? move_end(s, o)
                        : which < 0.70 ? move_whole(s, o)
@@ -519,7 +510,7 @@ static void step(Sampler *s, State *now, double heat, double readings) {
     }
   }
   if (s->prior->sigma[0] < s->prior->sigma[1]) { /* log-uniform */
-    double by = 0.3 * bell(s), sigma = now->sigma * exponential(by);
+    double by = 0.3 * next_bell(&s->place), sigma = now->sigma * exponential(by);
     if (sigma >= s->prior->sigma[0] && sigma <= s->prior->sigma[1]) {
       double loss = readings * by + 0.5 * now->squares * (1.0 / (sigma * sigma) - 1.0 / variance);
       if (loss <= heat * waiting(s)) now->sigma = sigma;
@@ -565,7 +556,7 @@ Int tacstrip_sample_outlines(const Problem *problem, const OutlinePrior *prior, 
   for (Int i = 0; i < steps; i++) {
     for (Int t = 0; t < temperatures; t++) step(&s, state + t, heat[t], readings);
     if (temperatures > 1 && i % EVERY_SWAP == 0) {
-      Int t = random_int(&s, temperatures - 1);
+      Int t = next_below(&s.place, temperatures - 1);
       double gain = (energy(state + t, readings) - energy(state + t + 1, readings)) * (1.0 / heat[t] - 1.0 / heat[t + 1]);
       if (gain + waiting(&s) >= 0.0) swap_states(state + t, state + t + 1);
     }

@@ -44,18 +44,6 @@ typedef struct {
   double radius_square, low[4], high[4];
 } Shape;
 
-static double random(Regular *r) { return uniform_draw(r->drawn++); }
-static Int random_int(Regular *r, Int n) {
-  Int i = (Int)(random(r) * (double)n);
-  return i < n ? i : n - 1;
-}
-/* Symmetric, of variance 1. */
-static double bell(Regular *r) {
-  double sum = random(r) + random(r);
-  sum += random(r);
-  sum += random(r);
-  return 1.7320508075688772 * (sum - 2.0);
-}
 
 static double axes_ratio(const double *z) { return exponential(LOG_FLATTEST * (1.0 - 2.0 * z[Z_RATIO])); }
 
@@ -311,7 +299,7 @@ static void next_level(Regular *r, Progress *on, const double *z, const double *
   for (Int i = 0; i < count; i++) sum += share[i];
   on->evidence += most + natural_log(sum / (double)count);
   on->power = on->power + step < 1.0 - 1e-9 ? on->power + step : 1.0;
-  double place = random(r);
+  double place = next_uniform(&r->drawn);
   for (Int i = 0, from = 0; i < particles; i++) {
     double at = sum * (place + (double)i) / (double)particles;
     while (from < count - 1 && passed + share[from] < at) passed += share[from++];
@@ -322,18 +310,18 @@ static void next_level(Regular *r, Progress *on, const double *z, const double *
 /* Other numbers, by the difference of two other particles, or a few of them by any size. */
 static void propose(Regular *r, const double *z, Int particles, Int of, double *moved) {
   const double *own = z + of * REGULAR_NUMBERS;
-  int jump = random(r) < 0.75;
-  double size = jump ? exponential(natural_log(0.03) + natural_log(2.0 / 0.03) * random(r))
-                     : exponential(natural_log(1e-3) + natural_log(0.5 / 1e-3) * random(r));
-  const double *a = z + (of + 1 + random_int(r, particles - 1)) % particles * REGULAR_NUMBERS;
-  const double *b = z + (of + 1 + random_int(r, particles - 1)) % particles * REGULAR_NUMBERS;
+  int jump = next_uniform(&r->drawn) < 0.75;
+  double size = jump ? exponential(natural_log(0.03) + natural_log(2.0 / 0.03) * next_uniform(&r->drawn))
+                     : exponential(natural_log(1e-3) + natural_log(0.5 / 1e-3) * next_uniform(&r->drawn));
+  const double *a = z + (of + 1 + next_below(&r->drawn, particles - 1)) % particles * REGULAR_NUMBERS;
+  const double *b = z + (of + 1 + next_below(&r->drawn, particles - 1)) % particles * REGULAR_NUMBERS;
   for (int i = 0; i < REGULAR_NUMBERS; i++) {
     double v = own[i];
     if (jump) {
       double differ = a[i] - b[i];
       if (i == Z_TURN) differ -= differ > 0.5 ? 1.0 : differ < -0.5 ? -1.0 : 0.0;
-      v += size * differ + 1e-5 * bell(r);
-    } else if (random(r) < 0.3) v += size * bell(r);
+      v += size * differ + 1e-5 * next_bell(&r->drawn);
+    } else if (next_uniform(&r->drawn) < 0.3) v += size * next_bell(&r->drawn);
     if (i == Z_TURN || i == Z_BORDER) {
       v -= (double)(Int)v;
       if (v < 0.0) v += 1.0;
@@ -353,7 +341,7 @@ static void sweep(Regular *r, Int kind, Int over, double power, double *z, doubl
     propose(r, z, particles, i, moved);
     weigh(r, kind, over, moved, found);
     double gain = found[LOG_PRIOR] - own[LOG_PRIOR] - power * (found[MISFIT] - own[MISFIT]);
-    if (natural_log(random(r) + 1e-300) < gain) copy_particle(moved, found, 0, z, values, i);
+    if (natural_log(next_uniform(&r->drawn) + 1e-300) < gain) copy_particle(moved, found, 0, z, values, i);
   }
 }
 
@@ -371,7 +359,7 @@ void tacstrip_sample_regular(const Problem *problem, const RegularPlace *place, 
       if (level == 0) {
         on[c].power = on[c].evidence = 0.0;
         on[c].running = 1;
-        for (Int i = 0; i < drawn * REGULAR_NUMBERS; i++) z[i] = random(&r);
+        for (Int i = 0; i < drawn * REGULAR_NUMBERS; i++) z[i] = next_uniform(&r.drawn);
         for (Int i = 0; i < drawn; i++) weigh(&r, c / 2, c % 2, z + i * REGULAR_NUMBERS, own + i * VALUES);
       } else {
         if (!on[c].running) continue;
