@@ -103,7 +103,9 @@ def offsets_of_all(scans: RigidScans, fits: list[Fit], least: float) -> list[tup
     if len(scans.k) < _FEWEST:
         return []
     none = Offsets(np.zeros(scans.k.shape[1:]), _FIRST)
-    predicted = [(_with_offsets(scans, fit), fit) for _, fit in _unlike([(f.criterion(scans), f) for f in fits])]
+    predicted = [
+        (_with_offsets(scans, fit), fit) for _, fit in _unlike([(f.criterion(scans), f) for f in fits])
+    ]
     tries = list[tuple[float, tuple[Offsets, Fit]]]()
     for criterion, fit in _unlike(predicted)[:_TRIED]:
         cost = criterion - fit.criterion(scans) + fit.cost
