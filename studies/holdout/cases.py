@@ -10,14 +10,16 @@ import numpy as np
 import shapely
 
 import tacstrip as ts
+from studies.holdout import concave as concave_shapes
 from studies.holdout.readings import Unit, white
 from studies.holdout.shapes import CONCAVE, CONVEX, PLAIN, ROUNDED, UNUSUAL, WAISTED, Array, draw, is_convex
 
-SETS = ("convex", "pairs", "channels", "regions", "material", "rounded", "unusual", "wide", "beside")
+SETS = ("convex", "pairs", "channels", "regions", "material", "rounded", "unusual", "wide", "beside", "concave")
 # Plain shapes whose unit is not what the estimator is told.
 MISTOLD = ("noise half told", "noise twice told", "supply", "offset", "ratio", "one contact")
 FAULTS = ("dead", "stuck", "saturated")
 _T = TypeVar("_T")
+_CORRELATED = 0.5  # of errors of neighbouring strips
 _NEARER = 60  # moves of an outline towards another one
 _TURNS = 200  # tries to place something before another outline is drawn
 
@@ -161,6 +163,23 @@ def beside(random: np.random.Generator) -> Case:
     return neighbours(random, strips, names, half_width)
 
 
+def concave(random: np.random.Generator) -> Case:
+    """Draw one of `concave.FAMILIES` on 12 to 40 strips, read by both signatures; of a quarter errors correlate.
+
+    What is told of the noise is its size alone.
+    """
+    strips, half_width = int(log_uniform(random, 12, 41)), log_uniform(random, 0.001, 0.01)
+    family = str(random.choice(concave_shapes.FAMILIES))
+    case = single(random, family, strips, ("kh", "kl"), half_width)
+    if random.random() < 0.25:
+        ideal = case.unit.read(case.low, case.high)
+        error, kept = random.normal(0.0, half_width / np.sqrt(3.0), ideal.shape), _CORRELATED
+        for i in range(1, error.shape[1]):
+            error[:, i] = kept * error[:, i - 1] + np.sqrt(1.0 - kept**2) * error[:, i]
+        case = replace(case, read=ideal + error, distribution="normal")
+    return case
+
+
 def neighbours(random: np.random.Generator, strips: int, names: tuple[str, ...], half_width: float) -> Case:
     """Draw two convex shapes that share none to three of about so many strips, with no untouched one between.
 
@@ -250,7 +269,7 @@ def single(
 ) -> Case:
     """Draw one shape on about `strips` strips, of a sensor with so many where `of` says it."""
     while True:
-        outline = draw(category, random)
+        outline = (concave_shapes.draw if category in concave_shapes.FAMILIES else draw)(category, random)
         across, along = np.ptp(outline, axis=0)
         outside = random.uniform(0.1, 0.5) if category.startswith("over") else 0.0
         extent = strips - random.uniform(0.1, 0.9)  # in pitches

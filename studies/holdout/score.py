@@ -261,8 +261,13 @@ def table_convex(rows: list[Row]) -> list[str]:
         ]
         lines += [counts(f"  {name}", g) for (name,), g in by(some, "names").items() if title == "one"]
         lines += [counts(f"  {group}", g) for (group,), g in by(some, "group").items()]
+    return [*lines, *calibration(rows)]
+
+
+def calibration(rows: Sequence[Row]) -> list[str]:
+    """Return by tenths of `confidence` what was said and what was right."""
     said = [r for r in rows if r["confidence"] is not None]
-    lines += ["", f"confidence: {len(said)} of {len(rows)} cases have one"]
+    lines = ["", f"confidence: {len(said)} of {len(rows)} cases have one"]
     for (tenth,), some in by(
         [r | {"tenth": min(int(10 * r["confidence"]), 9)} for r in said], "tenth"
     ).items():
@@ -294,6 +299,20 @@ def table_pairs(rows: list[Row]) -> list[str]:
         title = f"concave, {'both' if both else 'one'}, {'>= 12' if many else '< 12'} strips"
         lines.append(f"{counts(title, some)}{several:6}{share(several, len(some))}")
     return lines
+
+
+def table_concave(rows: list[Row]) -> list[str]:
+    """Return counts of concave shapes: by family, and where no convex outline explains the readings; confidence."""
+    lines = [f"{_COUNTS}  doubted as several, %"]
+    told = [r | {"tells": r["p"] < LEAST_P} for r in rows]
+    groups = [("all", told)]
+    groups += [(f"  convex: {'no' if tells else 'may be'}", g) for (tells,), g in by(told, "tells").items()]
+    groups += [(f"  noise {'told' if k else 'unknown'}", g) for (k,), g in by(told, "told").items()]
+    groups += [(f"  {family}", g) for (family,), g in by(told, "group").items()]
+    for title, some in groups:
+        several = sum(not r["ok"] and SEVERAL.search(r["advice"]) is not None for r in some)
+        lines.append(f"{counts(title, some)}{several:6}{share(several, len(some))}")
+    return [*lines, *calibration(rows)]
 
 
 def table_channels(rows: list[Row]) -> list[str]:
@@ -360,6 +379,7 @@ SCORES: dict[str, tuple[Callable[[int, str, int], list[Row]], Callable[[list[Row
     "unusual": (partial(score_convex, which="unusual"), table_convex),
     "wide": (partial(score_convex, which="wide"), table_convex),
     "beside": (partial(score_pairs, which="beside"), table_pairs),
+    "concave": (partial(score_pairs, which="concave"), table_concave),
 }
 
 
