@@ -14,7 +14,18 @@ from studies.holdout import concave as concave_shapes
 from studies.holdout.readings import Unit, white
 from studies.holdout.shapes import CONCAVE, CONVEX, PLAIN, ROUNDED, UNUSUAL, WAISTED, Array, draw, is_convex
 
-SETS = ("convex", "pairs", "channels", "regions", "material", "rounded", "unusual", "wide", "beside", "concave")
+SETS = (
+    "convex",
+    "pairs",
+    "channels",
+    "regions",
+    "material",
+    "rounded",
+    "unusual",
+    "wide",
+    "beside",
+    "concave",
+)
 # Plain shapes whose unit is not what the estimator is told.
 MISTOLD = ("noise half told", "noise twice told", "supply", "offset", "ratio", "one contact")
 FAULTS = ("dead", "stuck", "saturated")

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,12 +15,11 @@ from tacstrip.core.ellipse import Ellipse
 from tacstrip.core.outline_model import OutlineModel
 from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.core.search import PAST, most_vertices
-from tacstrip.geometry.moments import moments
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.contact_ends import closed_ends, end_deviations
 from tacstrip.reconstruction.noise_covariance import CorrelatedErrors
 from tacstrip.reconstruction.pieces.beside import pair_beside
-from tacstrip.reconstruction.pieces.chain import Cut
+from tacstrip.reconstruction.pieces.overhang import Overhang, widest_overhang
 from tacstrip.reconstruction.pieces.pair import Ends, Pair, likeliest_pair, pair_at_the_ends
 from tacstrip.reconstruction.pieces.run import RunPieces, split_run
 from tacstrip.reconstruction.polygon.chi_square import ALARM, squares_score
@@ -47,11 +47,8 @@ _APART = 3.0  # standard deviations of their distance in x by which two corners 
 _NEAR_CORNER = 2  # strips from an inward corner to where an object may begin or end
 # Inward corners far from each other: where two objects begin and end they have two, and what noise adds.
 _EVENTS = 4
-# Of an outline, behind an overhang: more, and the shape is not known; and where two objects apart might read so,
-# or no polygon does.
-_HIDDEN, _HIDDEN_OPEN = 0.55, 0.35
 IF_ONE = "if you know that it is one object, say so (`reconstruct --one-object`)"
-NOTED = 0.05  # probability of two objects: less is not told
+NOTED = 0.05  # probability of two objects, or of what hides: less is not told
 _NOISIER = 3.0  # times the noise given: neighbours that differ by so much are noise, not jumps
 # Of what a polygon leaves over: neighbours that differ so little say that it follows them badly.
 _SMOOTHED = 0.7
@@ -175,6 +172,14 @@ def one_convex(
     return others if others is not None and others.like(outline, sensor) else whole
 
 
+class SecondLook(NamedTuple):
+    """What two signatures say of an outline: advice against it, two objects that it may be, and what may hide."""
+
+    wrong: str
+    pair: Pair | None = None
+    overhang: Overhang | None = None
+
+
 def second_look(
     run: RunFit,
     distribution: str | None,
@@ -184,8 +189,8 @@ def second_look(
     readings: Mapping[str, FloatArray],
     convex: OneConvex | None,
     one_object: bool = False,
-) -> tuple[str, Pair | None]:
-    """Return advice, or none, on an outline of two signatures, of which `wrong` was said, and two objects it may be.
+) -> SecondLook:
+    """Return what speaks against an outline of two signatures, of which `wrong` was said, and what else it may be.
 
     Two signatures tell l and u of every strip. Where convex ones explain them that the outline hardly differs from, it
     is curved, and no polygon need explain it (`convex`: what `one_convex` says of it). Where none do, it is concave, or
@@ -193,37 +198,37 @@ def second_look(
     """
     selection = run.selection
     if len(run.problem.k) == 1 or selection is None:
-        return wrong, None
+        return SecondLook(wrong)
     problem, fit = run.problem, selection.chosen
     told = run.model_mm.inward
     inward = any(inward_corners(fit)) if told is None else told
     sigma = deviation(run, distribution, sensor, readings)
     if convex is not None:
-        return "", _pair_at_the_ends(convex.run, sensor, readings, sigma)
+        return SecondLook("", _pair_at_the_ends(convex.run, sensor, readings, sigma))
     if one_end_off(run, sensor, readings):
         wrong = wrong or (
             "what was left out may be of a second object, or of an overhang: one end of the contact goes on there as "
             "on the other strips; if a channel is faulty, leave it out by name (--without)"
         )
-        return wrong, None
+        return SecondLook(wrong)
     if wrong and distribution is not None and scatter(sensor, readings) > _NOISIER * sigma:
-        return wrong, None  # of readings that scatter more than the noise given, jumps tell nothing
+        return SecondLook(wrong)  # of readings that scatter more than the noise given, jumps tell nothing
     open_ = np.count_nonzero(run.excluded & ~contradictory(run, sensor, readings))
     unlike = wrong or open_ or inward or sigma < _SMOOTHED * run.sigma
     if not unlike or (distribution is None and run.sigma >= MOST_SIGMA):
-        return wrong, None if wrong else _pair_at_the_ends(run, sensor, readings, sigma)
+        return SecondLook(wrong, None if wrong else _pair_at_the_ends(run, sensor, readings, sigma))
     if not np.isfinite(sum(readings.values())).any():
-        return wrong, None  # no strip has both its ends: nothing tells pieces
+        return SecondLook(wrong)  # no strip has both its ends: nothing tells pieces
     pieces = _pieces_of(run, sensor, readings, sigma)
     apart = pieces.apart
     ends = fit.ends(problem.x)
     if not apart and (nearest := fit_convex(problem, *ends)).explains:
         if wrong and not like(outline, nearest, run, sensor):
-            return wrong, None
-        return "", _pair_at_the_ends(run, sensor, readings, sigma)
+            return SecondLook(wrong)
+        return SecondLook("", _pair_at_the_ends(run, sensor, readings, sigma))
     if wrong and (apart or not _follows(outline, pieces)):
         more = f"; at least {pieces.count} convex pieces explain the readings"
-        return wrong if one_object or pieces.count == 1 else wrong + more, None
+        return SecondLook(wrong if one_object or pieces.count == 1 else wrong + more)
     jumps = [cut for _, cut in pieces.cuts if cut.kind != "corner"]
     pairs = _pair_of(run, pieces, inward_corners(fit)), _beside(run, sensor, readings, sigma)
     pair = max(filter(None, pairs), key=lambda pair: pair.probability, default=None)
@@ -236,20 +241,9 @@ def second_look(
             f"pieces (`--method pieces`, ts.pieces) explain the readings; {IF_ONE}"
         )
         if pair is None or pieces.count > 2:
-            return several, pair
+            return SecondLook(several, pair)
         pair = replace(pair, advice=several)
-    area = moments(outline.vertices)[0]
-    hidden = max((_behind(cut, pieces.read.x) / area for cut in jumps), default=0.0)
-    likely_two = not one_object and pair is not None and pair.probability >= 0.5
-    if hidden > (_HIDDEN_OPEN if wrong or apart else _HIDDEN) and not likely_two:
-        share = f"{100.0 * min(hidden, 1.0):.0f} % of the outline or more may not be touched"
-        if one_object or pair is None or pair.probability < NOTED:
-            return f"{at}: behind such an overhang {share}; turn the object", pair
-        return (
-            f"the contact is concave, or several objects on the same strips: {at}, and behind such an overhang "
-            f"{share}; turn the object"
-        ), pair
-    return "", pair
+    return SecondLook("", pair, widest_overhang(pieces))
 
 
 def _follows(outline: Outline, pieces: RunPieces) -> bool:
@@ -319,14 +313,6 @@ def _ends(
     x, l, u = x[read], l[read], u[read]
     noise = np.stack(end_deviations(sensor, l, u, sigma))
     return Ends(x, np.stack([l, u]), noise, sensor.pitch_mm), read
-
-
-def _behind(cut: Cut, x: FloatArray) -> float:
-    """Return how much of an outline [mm^2] may not be touched behind the overhang that a jump may be.
-
-    The least that an opening as high as the jump leaves: a triangle to the run's other end.
-    """
-    return 0.5 * cut.rise * float(x[-1] - x[cut.strip] if cut.kind == "begins" else x[cut.strip - 1] - x[0])
 
 
 def weakness(

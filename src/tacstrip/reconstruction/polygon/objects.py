@@ -20,6 +20,7 @@ from tacstrip.reconstruction.noise_covariance import (
     averaging_advice,
     signature_advice,
 )
+from tacstrip.reconstruction.pieces.overhang import Overhang
 from tacstrip.reconstruction.pieces.pair import Pair
 from tacstrip.reconstruction.polygon.convexity import OneConvex
 from tacstrip.reconstruction.polygon.faulty_channel import contradictory
@@ -34,6 +35,7 @@ from tacstrip.reconstruction.polygon.outline_estimate import THIN, Estimate, Fit
 from tacstrip.reconstruction.polygon.run import MOST_SIGMA, ModelInMm, RunFit
 from tacstrip.reconstruction.polygon.status import (
     OTHERS,
+    behind_overhang,
     beside_pair,
     bridged,
     enough_of,
@@ -45,6 +47,7 @@ from tacstrip.reconstruction.polygon.status import (
 )
 from tacstrip.reconstruction.polygon.wide_fit import contradicted_by_outer_strip
 from tacstrip.reconstruction.posterior.assessment import (
+    ENOUGH,
     HELD_STRIPS,
     PROMISED_IOU,
     Assessment,
@@ -125,6 +128,8 @@ class _Choice:
         One convex object that explains all readings, where the outline alone does not tell.
     two, pair
         Probability that so few readings are of two objects, and the likeliest two where readings tell.
+    overhang
+        Behind which most of one object may not be touched; None: no end jumps.
     beyond
         Readings (S, n) that no outline can have.
     assessed
@@ -138,6 +143,7 @@ class _Choice:
     convex: OneConvex | None
     two: float
     pair: Pair | None
+    overhang: Overhang | None
     beyond: BoolArray
     assessed: Assessment
 
@@ -228,7 +234,7 @@ def _choice(
             run, contact, given, assessed, two = convex.run, whole, other, drawn, _TWO_OF_FEW
         else:
             convex = None
-    wrong, pair = second_look(
+    wrong, pair, overhang = second_look(
         run, distribution, given.outline, sensor, wrong, contact.readings, convex, asked.one_object
     )
     if asked.one_object:
@@ -240,7 +246,7 @@ def _choice(
         )
         if assessed.better is not None:
             faint, given = False, Estimate.of(contact, sensor, scan, noise, assessed.better)
-    return _Choice(contact, given, faint, wrong, convex, two, pair, beyond, assessed)
+    return _Choice(contact, given, faint, wrong, convex, two, pair, overhang, beyond, assessed)
 
 
 def _verdict(scan: Scan, asked: Asked, choice: _Choice, fit: PolygonFit) -> _Verdict:
@@ -286,6 +292,11 @@ def _verdict(scan: Scan, asked: Asked, choice: _Choice, fit: PolygonFit) -> _Ver
         if not wrong:
             right = choice.pair.overlap(outline.vertices) >= PROMISED_IOU
             wrong, note = two_objects(choice.pair, right, sure)
+    if choice.overhang is not None:
+        told, seen = behind_overhang(choice.overhang), 1.0 - choice.overhang.probability
+        doubted = not wrong and (1.0 if confidence is None else confidence) * seen < ENOUGH
+        confidence = None if confidence is None else confidence * seen
+        wrong, note = (told, note) if doubted else (wrong, "; ".join(filter(None, [note, told])))
     if choice.two and not wrong:
         wrong = _FEW_TELL.format(run.problem.x.size, choice.two)
         confidence = None if confidence is None else (1.0 - choice.two) * confidence

@@ -11,6 +11,7 @@ from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.geometry.moments import deviations, moments
 from tacstrip.geometry.outline import Outline
+from tacstrip.reconstruction.pieces.overhang import Overhang
 from tacstrip.reconstruction.pieces.pair import Pair
 from tacstrip.reconstruction.polygon.goodness_of_fit import IF_ONE, NOTED
 from tacstrip.reconstruction.polygon.outline_estimate import FittedContact
@@ -125,6 +126,17 @@ def two_objects(pair: Pair, right: bool, confidence: float) -> tuple[str, str]:
     if pair.probability < NOTED:
         return "", ""
     return "", told + ("; the outline holds either way" if right else "")
+
+
+def behind_overhang(overhang: Overhang) -> str:
+    """Say what of an outline may not be touched behind an overhang; "" of hardly anything."""
+    if overhang.probability < NOTED:
+        return ""
+    return (
+        f"an end jumps by {overhang.rise:.3g} mm from one strip to the next: behind such an overhang up to "
+        f"{100.0 * min(overhang.share, 1.0):.0f} % of the outline may not be touched, with a probability of "
+        f"{overhang.probability:.2f} more than is promised; turn the object"
+    )
 
 
 def status_of(
