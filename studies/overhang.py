@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -92,10 +93,7 @@ def table(count: int, seed: int) -> list[str]:
         f"factor {factor:.2f}, power {power:.2f}",
         f"{'by other families':24}{'cases':>7}{'said':>8}{'was':>8}",
     ]
-    ranges = [
-        (f"{low:.2f}-{high:.2f}", (low <= said) & (said < high))
-        for low, high in zip(_EDGES, _EDGES[1:], strict=False)
-    ]
+    ranges = [(f"{low:.2f}-{high:.2f}", (low <= said) & (said < high)) for low, high in pairwise(_EDGES)]
     for name, some in (*ranges, *((family, drawn.family == family) for family in _FAMILIES)):
         if some.any():
             lines.append(f"{name:24}{some.sum():7}{said[some].mean():8.3f}{drawn.hides[some].mean():8.3f}")

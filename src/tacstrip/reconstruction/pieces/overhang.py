@@ -17,7 +17,7 @@ from tacstrip.reconstruction.pieces.run import RunPieces
 
 # Probability that an opening takes more of the outline than `ok` allows: of one that may take all of it, the power of
 # the share that it may take, and at most; of several jumps one at most has such (`studies/overhang.py` fits them).
-_OF_ALL, _POWER, _MOST = 1.0, 2.6, 0.9
+_OF_ALL, _POWER, _MOST = 1.7, 2.9, 0.9
 
 
 @dataclass(frozen=True)
