@@ -17,7 +17,7 @@ from tacstrip.reconstruction.pieces.run import RunPieces
 
 # Probability that an opening takes more of the outline than `ok` allows: of one that may take all of it, the power of
 # the share that it may take, and at most; of several jumps one at most has such (`studies/overhang.py` fits them).
-_OF_ALL, _POWER, _MOST = 1.7, 2.9, 0.9
+_OF_ALL, _POWER, _MOST = 1.7, 3.1, 0.9
 
 
 @dataclass(frozen=True)
@@ -54,17 +54,18 @@ def widest_overhang(pieces: RunPieces) -> Overhang | None:
     ]
     if not jumps:
         return None
-    share, rise = max((_share(pieces, *jump), jump[1].rise) for jump in jumps)
+    share, rise = max(_opening(pieces, *jump) for jump in jumps)
     return Overhang(rise, share, len(jumps))
 
 
-def _share(pieces: RunPieces, side: int, cut: Cut, before: Stretch, after: Stretch) -> float:
-    """Return the share of an outline between an arm that begins or ends at a jump, and the other arm's edge."""
+def _opening(pieces: RunPieces, side: int, cut: Cut, before: Stretch, after: Stretch) -> tuple[float, float]:
+    """Return what share of an outline lies between an arm that begins or ends at a jump, and the other; the jump."""
     read = pieces.read
     low, high = (read.l, read.u) if side == 0 else (-read.u, -read.l)
+    rise = float(abs(low[cut.strip] - low[cut.strip - 1]))
     behind, other = (
         (slice(cut.strip, None), before) if cut.kind == "begins" else (slice(cut.strip - 1, None, -1), after)
     )
     wide = np.minimum(other.at(read.x[behind]), high[behind]) - low[behind]
-    opening = np.minimum(wide, cut.rise)[np.cumsum(wide <= 0.0) == 0]  # no higher than at its mouth
-    return float(opening.sum() / np.maximum(high - low, 0.0).sum())
+    opening = np.minimum(wide, rise)[np.cumsum(wide <= 0.0) == 0]  # no higher than at its mouth
+    return float(opening.sum() / np.maximum(high - low, 0.0).sum()), rise
