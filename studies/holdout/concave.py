@@ -12,13 +12,15 @@ FAMILIES = (
     *("bean", "moon", "arrowhead", "burst", "keyhole"),
 )
 _UPRIGHT = 0.2  # how often it lies along the strips
+_HOLLOW = 1.03  # area of the convex hull over its own, at least
 
 
 def draw(family: str, random: np.random.Generator) -> Array:
     """Return an outline of `FAMILIES` (N, 2), about 1 in size, in any pose."""
     while True:
         shape = _drawn(family, random)
-        if shape.geom_type == "Polygon" and shape.is_valid and not shape.interiors:
+        whole = shape.geom_type == "Polygon" and shape.is_valid and not shape.interiors
+        if whole and shape.convex_hull.area > _HOLLOW * shape.area:
             break
     turn = random.uniform(0.0, 2.0 * np.pi)
     if random.random() < _UPRIGHT:

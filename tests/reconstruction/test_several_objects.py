@@ -100,6 +100,18 @@ def test_what_an_overhang_may_hide_is_said(one_object: bool) -> None:
     assert "overhang" in found.advice
 
 
+@pytest.mark.parametrize("degrees", [-8.0, 8.0])
+def test_what_may_hide_between_two_arms_lowers_confidence(degrees: float) -> None:
+    arms = [(0, 0), (60, 0), (60, 12), (12, 12), (12, 38), (30, 38), (30, 50), (0, 50)]
+    truth = _placed(Polygon(arms), degrees)
+    found = _fitted(truth, one_object=True)
+    assert ts.mismatch(np.asarray(truth.exterior.coords)[:-1], found.vertices).iou < 0.8
+    assert found.confidence is not None
+    assert found.confidence < 0.77
+    assert found.status == "doubtful"
+    assert "behind such an overhang" in found.advice
+
+
 def test_a_reading_left_out_that_moves_one_end_alone_may_be_a_second_object_s() -> None:
     """A small object under the contact's first two strips: no outline of few corners follows, a reading is left out."""
     sensor = ts.Sensor(construction="crs-crs", strips=8, pitch_mm=10.0, length_mm=100.0)

@@ -8,7 +8,7 @@ import shapely
 from scipy.sparse import bmat, diags
 from scipy.sparse.linalg import spsolve
 
-from studies.holdout import cases, score, shapes, tracks_bound, tracks_set
+from studies.holdout import cases, concave, score, shapes, tracks_bound, tracks_set
 from studies.holdout.convexity import best_convex
 from studies.holdout.material import Press
 from studies.holdout.readings import Unit
@@ -45,7 +45,7 @@ def ladder(low: float, high: float, unit: Unit, step: float = 0.02) -> tuple[flo
     return float(voltage[first]), float(voltage[last])
 
 
-@pytest.mark.parametrize("category", [*CONVEX, *CONCAVE])
+@pytest.mark.parametrize("category", [*CONVEX, *CONCAVE, *concave.FAMILIES])
 def test_outlines_are_what_they_are_called(category: str) -> None:
     random = np.random.default_rng(1)
     for _ in range(20):
