@@ -222,13 +222,21 @@ def second_look(
     pieces = _pieces_of(run, sensor, readings, sigma)
     apart = pieces.apart
     ends = fit.ends(problem.x)
-    if not apart and (nearest := fit_convex(problem, *ends)).explains:
+    judged = replace(problem, weight=problem.weight * (run.sigma / sigma) ** 2)
+    if not apart and (nearest := fit_convex(judged, *ends)).explains:
         if wrong and not like(outline, nearest, run, sensor):
             return SecondLook(wrong)
         return SecondLook("", _pair_at_the_ends(run, sensor, readings, sigma))
     if wrong and (apart or not _follows(outline, pieces)):
         more = f"; at least {pieces.count} convex pieces explain the readings"
         return SecondLook(wrong if one_object or pieces.count == 1 else wrong + more)
+    stretches = pieces.count > 1 and pieces.explains
+    if sigma < _SMOOTHED * run.sigma and stretches and not _follows(outline, pieces):
+        or_two = "" if one_object else " or two objects on the same strips"
+        return SecondLook(
+            f"the best outline is off by {100.0 * run.sigma:.2g} % of Vref, of which neighbouring strips show "
+            f"{100.0 * sigma:.2g} % as noise: the contact may be concave{or_two}; or give the noise"
+        )
     jumps = [cut for _, cut in pieces.cuts if cut.kind != "corner"]
     pairs = _pair_of(run, pieces, inward_corners(fit)), _beside(run, sensor, readings, sigma)
     pair = max(filter(None, pairs), key=lambda pair: pair.probability, default=None)
