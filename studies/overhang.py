@@ -61,10 +61,10 @@ def overhangs(count: int, seed: int) -> Overhangs:
             touched = shapely.Polygon(outline).area / shapely.Polygon(cases.filled(unit, outline)).area
             found.append((widest.share, widest.jumps, touched < RIGHT, family))
     share, jumps, hides, family_of = zip(*found, strict=True)
-    return Overhangs(np.array(share), np.array(jumps), np.array(hides), np.array(family_of))
+    return Overhangs(np.array(share), np.array(jumps, float), np.array(hides), np.array(family_of))
 
 
-def probability(numbers: Sequence[float], share: Array, jumps: Array) -> Array:
+def probability(numbers: Array, share: Array, jumps: Array) -> Array:
     """Return what `Overhang.probability` says (N,) by a factor and a power."""
     return np.clip(numbers[0] * share ** numbers[1] / jumps, _LEAST, _MOST)
 

@@ -10,8 +10,8 @@ from studies import overhang as study
 
 def test_the_factor_and_the_power_are_found() -> None:
     random = np.random.default_rng(3)
-    share, jumps = random.uniform(0.0, 1.0, 20000), random.integers(1, 3, 20000)
-    hides = random.random(20000) < study.probability((0.8, 2.0), share, jumps)
+    share, jumps = random.uniform(0.0, 1.0, 20000), random.integers(1, 3, 20000).astype(float)
+    hides = random.random(20000) < study.probability(np.array([0.8, 2.0]), share, jumps)
     drawn = study.Overhangs(share, jumps, hides, np.full(20000, "L"))
     assert study.fitted(drawn, np.ones(20000, dtype=bool)) == pytest.approx([0.8, 2.0], rel=0.1)
 

@@ -7,6 +7,7 @@ arm's edge, lengthened over the strips that cross both; or there is none, and th
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -41,7 +42,7 @@ class Overhang:
     @property
     def probability(self) -> float:
         """Of so much that is not touched that the outline overlaps the true one by less than `ok` promises."""
-        return min(_OF_ALL * self.share**_POWER / self.jumps, _MOST)
+        return min(_OF_ALL * math.pow(self.share, _POWER) / self.jumps, _MOST)
 
 
 def widest_overhang(pieces: RunPieces) -> Overhang | None:
