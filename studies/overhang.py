@@ -66,7 +66,7 @@ def overhangs(count: int, seed: int) -> Overhangs:
 
 def probability(numbers: Array, share: Array, jumps: Array) -> Array:
     """Return what `Overhang.probability` says (N,) by a factor and a power."""
-    return np.clip(numbers[0] * share ** numbers[1] / jumps, _LEAST, _MOST)
+    return np.asarray(np.clip(numbers[0] * share ** numbers[1] / jumps, _LEAST, _MOST))
 
 
 def fitted(drawn: Overhangs, which: BoolArray) -> Array:

@@ -102,7 +102,7 @@ def test_what_an_overhang_may_hide_is_said(one_object: bool) -> None:
 
 @pytest.mark.parametrize(("degrees", "status"), [(-8.0, "doubtful"), (8.0, "ok")])
 def test_what_may_hide_between_two_arms_lowers_confidence(degrees: float, status: str) -> None:
-    """The shorter arm's end leans inwards, and all of its jump is seen; or outwards, where one strip crosses the end."""
+    """The shorter arm's end leans inwards, and all of its jump is seen; or outwards, on a strip."""
     arms = [(0, 0), (60, 0), (60, 12), (12, 12), (12, 38), (30, 38), (30, 50), (0, 50)]
     truth = _placed(Polygon(arms), degrees)
     found = _fitted(truth, one_object=True)
