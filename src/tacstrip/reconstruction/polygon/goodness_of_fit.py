@@ -24,6 +24,7 @@ from tacstrip.reconstruction.pieces.pair import Ends, Pair, likeliest_pair, pair
 from tacstrip.reconstruction.pieces.run import RunPieces, split_run
 from tacstrip.reconstruction.polygon.chi_square import ALARM, squares_score
 from tacstrip.reconstruction.polygon.convexity import (
+    NEAR_ENOUGH,
     OneConvex,
     deviation,
     explained_by_convex,
@@ -230,8 +231,8 @@ def second_look(
     if wrong and (apart or not _follows(outline, pieces)):
         more = f"; at least {pieces.count} convex pieces explain the readings"
         return SecondLook(wrong if one_object or pieces.count == 1 else wrong + more)
-    stretches = pieces.count > 1 and pieces.explains
-    if sigma < _SMOOTHED * run.sigma and stretches and not _follows(outline, pieces):
+    noisy = run.sigma > max(sigma / _SMOOTHED, NEAR_ENOUGH)
+    if noisy and pieces.count > 1 and pieces.explains and not _follows(outline, pieces):
         or_two = "" if one_object else " or two objects on the same strips"
         return SecondLook(
             f"the best outline is off by {100.0 * run.sigma:.2g} % of Vref, of which neighbouring strips show "
