@@ -100,6 +100,14 @@ def test_what_an_overhang_may_hide_is_said(one_object: bool) -> None:
     assert "overhang" in found.advice
 
 
+def test_a_star_is_no_ellipse_of_noise_that_neighbouring_strips_do_not_show() -> None:
+    star = [(28, 19), (20, 18), (21, 25), (16, 19), (11, 23), (11, 16), (5, 14), (11, 12), (9, 5), (15, 9)]
+    sensor = ts.Sensor(construction="crs-crs", strips=35, pitch_mm=0.9, length_mm=100.0)
+    found = _fitted(Polygon([*star, (17, 3), (20, 9), (27, 10), (23, 13)]), told=False, sensor=sensor)
+    assert found.status == "doubtful"
+    assert "of which neighbouring strips show" in found.advice
+
+
 @pytest.mark.parametrize(("degrees", "status"), [(-8.0, "doubtful"), (8.0, "ok")])
 def test_what_may_hide_between_two_arms_lowers_confidence(degrees: float, status: str) -> None:
     """The shorter arm's end leans inwards, and all of its jump is seen; or outwards, on a strip."""
