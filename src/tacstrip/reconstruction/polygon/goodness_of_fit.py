@@ -21,7 +21,7 @@ from tacstrip.reconstruction.noise_covariance import CorrelatedErrors
 from tacstrip.reconstruction.pieces.beside import pair_beside
 from tacstrip.reconstruction.pieces.overhang import Overhang, widest_overhang
 from tacstrip.reconstruction.pieces.pair import Ends, Pair, likeliest_pair, pair_at_the_ends
-from tacstrip.reconstruction.pieces.run import RunPieces, split_run
+from tacstrip.reconstruction.pieces.run import LEAST_SIGMA, RunPieces, split_run
 from tacstrip.reconstruction.polygon.chi_square import ALARM, squares_score
 from tacstrip.reconstruction.polygon.convexity import (
     NEAR_ENOUGH,
@@ -223,15 +223,16 @@ def second_look(
     pieces = _pieces_of(run, sensor, readings, sigma)
     apart = pieces.apart
     ends = fit.ends(problem.x)
-    judged = replace(problem, weight=problem.weight * (run.sigma / sigma) ** 2)
-    if not apart and (nearest := fit_convex(judged, *ends)).explains:
+    noisy = run.sigma > max(sigma / _SMOOTHED, NEAR_ENOUGH)
+    if noisy:  # what neighbouring strips do not show is none
+        problem = replace(problem, weight=problem.weight * (run.sigma / max(sigma, LEAST_SIGMA)) ** 2)
+    if not apart and (nearest := fit_convex(problem, *ends)).explains:
         if wrong and not like(outline, nearest, run, sensor):
             return SecondLook(wrong)
         return SecondLook("", _pair_at_the_ends(run, sensor, readings, sigma))
     if wrong and (apart or not _follows(outline, pieces)):
         more = f"; at least {pieces.count} convex pieces explain the readings"
         return SecondLook(wrong if one_object or pieces.count == 1 else wrong + more)
-    noisy = run.sigma > max(sigma / _SMOOTHED, NEAR_ENOUGH)
     if noisy and pieces.count > 1 and pieces.explains and not _follows(outline, pieces):
         or_two = "" if one_object else " or two objects on the same strips"
         return SecondLook(
