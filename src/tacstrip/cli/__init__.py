@@ -240,7 +240,7 @@ def load_log(file: Path, spec: str | None, call: str = "--sensor sensor.toml") -
     """
     from tacstrip.diagnose.log import Log, read_log
     from tacstrip.io.columns import BEGIN_SPEC
-    from tacstrip.io.input_checks import half_read, misread
+    from tacstrip.io.input_checks import half_read, misread, unlikely_times
     from tacstrip.stream.replay import Recording
 
     if file.suffix.lower() == ".mcap":
@@ -254,14 +254,15 @@ def load_log(file: Path, spec: str | None, call: str = "--sensor sensor.toml") -
     if spec is None:
         raise OptionError(f"{file} does not say what sensor it is of; name its spec: {call} ({BEGIN_SPEC})")
     log = read_log(file, load_sensor(spec))
-    warn(half_read(file, log.sensor, tuple(log.raw)), *misread(file, log.sensor, log.raw))
+    told = (half_read(file, log.sensor, tuple(log.raw)), unlikely_times(file, log.time_s))
+    warn(*told, *misread(file, log.sensor, log.raw))
     return log
 
 
 def warn_of_input(name: str | Path, source: Source) -> None:
     """Warn of what is probably not meant in a source that is a file, as far as it can be read."""
     from tacstrip.diagnose.log import Log
-    from tacstrip.io.input_checks import half_read, misread
+    from tacstrip.io.input_checks import half_read, misread, unlikely_times
     from tacstrip.sensor.spec import Sensor
     from tacstrip.stream.replay import ReadingsSource, Recording
 
@@ -274,7 +275,8 @@ def warn_of_input(name: str | Path, source: Source) -> None:
     except (ReadingError, RecordingError):
         return
     if isinstance(source, ReadingsSource):
-        warn(half_read(name, source.sensor, source.names), *misread(name, log.sensor, log.raw))
+        told = (half_read(name, source.sensor, source.names), unlikely_times(name, log.time_s))
+        warn(*told, *misread(name, log.sensor, log.raw))
     warn_of_log(name, log)
 
 

@@ -80,8 +80,9 @@ def command(
     without = (
         "" if spec else _NAME_A_SENSOR.format(log=shlex.quote(str(log)), output=shlex.quote(str(output)))
     )
-    with options.asked_of(log, without):
+    with options.asked_of(log):  # a file that is empty or cut is so whatever sensor it is of
         table = read_table(log, sheet or told.get("sheet"))
+    with options.asked_of(log, without):
         found = _mapped(table, given, sensor) if given else propose(table, sensor, told, _stated(spec))
         for reason in found.reasons:
             note(f"  {reason}")

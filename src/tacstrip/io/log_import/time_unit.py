@@ -9,6 +9,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import ReadingError
+from tacstrip.io.input_checks import unlikely_times
 from tacstrip.io.log_import.columns import Columns
 from tacstrip.io.log_import.contents import CLOCK_BITS
 from tacstrip.io.log_import.fields import clock_seconds, is_of_two, number_of
@@ -213,6 +214,8 @@ def settled_time(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
     if mapping.time_unit or len(rough) < 2:
         if "time_unit" not in clues.answers and step and not _POSSIBLE_S[0] <= step <= _POSSIBLE_S[1]:
             _ask_for_strange(clues, mapping, step)
+        elif "time_unit" not in clues.answers and mapping.time_unit == "s" and not rate:
+            clues.doubt(unlikely_times(mapping.time, np.array([s.time_s for s in rough])))
         return replace(mapping, time_unit=mapping.time_unit or "s")
     if rate and step:  # which tells the unit, or that the column is no time
         return _of_rate(clues, mapping, step, rate)
