@@ -27,6 +27,7 @@ _FEW_CYCLES = 3  # of all strips in their turn
 _FEW_STEPS = 2  # of a time that falls: fewer may be a clock that begins anew
 _FEW_SCANS = 4  # of fewer, equal times tell nothing
 _LONG_AGO = 1e8  # of any unit: a time that does not count from the log's start
+_HEADED = 0.9  # of the scans: so many have a line above their rows that is none
 _A_PERIOD = 0.97  # of the time from scan to scan: lines of one scan, each with its own time, are less apart
 _ON_PLACE = 0.05  # of the pitch: so near a strip's place is its position
 _EXPONENT = re.compile(r"(?<=\d)[.,]\d+[eE][+-]?\d+\s*\Z")  # as numpy writes whole numbers, too
@@ -321,6 +322,7 @@ def _scans(
     parts = [*itertools.pairwise([*begins, len(table.lines)])]
     backwards = not by_time and table.lines[0] > table.lines[-1]  # the newest stood first
     broken = _broken_beside(table, parts)
+    headings = frozenset() if backwards else _headings(table, parts)
     ended = np.inf if backwards else 0.0
     for count, (first, after) in enumerate(parts):
         time = float(times[first]) if times is not None else count / (mapping.rate_hz or np.inf)
@@ -339,6 +341,8 @@ def _scans(
                 seen[strip, end] = line
         until = table.lines[after] if after < len(table.lines) else 0.0 if backwards else np.inf
         low, high = (until, ended) if backwards else (ended, until)
+        if (above := scan.line - 1) in headings:
+            low = above
         lacks = (mapping.strip or mapping.which) and len(seen) < scan.values.size
         if lacks and (mapping.missing == "skip" or any(low < b < high for b in broken)):
             dropped.append(scan.line)
@@ -358,6 +362,13 @@ def _broken_beside(table: Table, parts: Sequence[tuple[int, int]]) -> list[int]:
         return []
     consecutive = max(every) - min(every) == len(every) - 1
     return [b for b in table.broken if not (consecutive and b > max(every) + 1)]
+
+
+def _headings(table: Table, parts: Sequence[tuple[int, int]]) -> frozenset[int]:
+    """Return the lines above scans that are no rows, if nearly all scans have one: what stands above is of none below."""
+    rows = {*table.lines, *table.broken}
+    above = [line - 1 for first, _ in parts if (line := table.lines[first]) - 1 not in rows]
+    return frozenset(above) if len(above) >= _HEADED * len(parts) else frozenset()
 
 
 def _begins(
