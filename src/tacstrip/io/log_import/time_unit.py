@@ -57,6 +57,11 @@ _RATE_NAMED = re.compile(
     r"[ _]*[\[(]?(k?)hz[\])]?\s*[:=,;\t]\s*\"?([\d.,]+)",
     re.IGNORECASE,
 )
+# As JSON says it, without a unit.
+_RATE_BARE = re.compile(
+    r"[\"'](f_?s|(?:sampl\w*|scan|acquisition)[ _]?(?:rate|frequency))[\"']\s*:\s*(\d+(?:\.\d+)?)(?=\s*[,}\]])",
+    re.IGNORECASE,
+)
 _RATE_BEHIND = re.compile(
     r"(?<![\w.,])(\d[\d.,]*)\s*(k?)(?:hz|sps)\s+(?:sampl|scan|rate|abtast|log|record)", re.IGNORECASE
 )
@@ -438,6 +443,7 @@ def _rates_above(clues: Clues) -> set[float]:
             *_RATE_BEHIND.findall(text),
             *_AT_RATE.findall(text),
             *(named[::-1] for named in _RATE_NAMED.findall(text)),
+            *((bare, "") for _, bare in _RATE_BARE.findall(text)),
         )
         if (value := number_of(digits.rstrip(".,"), "," if "," in digits else "."))
     }
