@@ -22,6 +22,7 @@ from tacstrip.io.log_import.doubts import backwards
 from tacstrip.io.log_import.ends import ends_exchanged, refuse_split_ends
 from tacstrip.io.log_import.guess import Proposal, left_out, propose, settled
 from tacstrip.io.log_import.mapping import ColumnMapping
+from tacstrip.io.log_import.middles import with_ends_of_middles
 from tacstrip.io.log_import.scans import scans
 from tacstrip.io.log_import.table import Table
 from tacstrip.io.log_import.write import at_rest, in_volts, rows, touched, write_log
@@ -112,6 +113,8 @@ def _mapped(table: Table, file: Path, sensor: Sensor | None) -> Proposal:
     mapping = ColumnMapping.load(file)
 
     def read(found: Table) -> Proposal:
+        if not {*mapping.columns} <= {*found.names}:
+            found, _ = with_ends_of_middles(found)
         dropped: list[int] = []
         rough = scans(found, mapping, dropped)
         doubts = [

@@ -24,6 +24,7 @@ from tacstrip.io.log_import.doubts import backwards, raise_doubts
 from tacstrip.io.log_import.ends import above, ends_exchanged, noise
 from tacstrip.io.log_import.fields import STAMP, is_garbled, number_of, says_nothing
 from tacstrip.io.log_import.mapping import STRIP_ORDERS, ColumnMapping
+from tacstrip.io.log_import.middles import doubt_middles, with_ends_of_middles
 from tacstrip.io.log_import.names import CLOCKS, IN_VOLTS, is_strip_word, meaning, meanings
 from tacstrip.io.log_import.neighbours import order_of_neighbours
 from tacstrip.io.log_import.others import drop_others
@@ -307,6 +308,9 @@ def _assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
             f"missing {' and '.join(map(repr, lacking))}, the last? Else write in what is, or take its name out",
             "skip",
         )  # fmt: skip
+    if clues.expected != ("out",) and not {*clues.answers} & {*clues.table.names}:
+        clues.table, doubt = with_ends_of_middles(clues.table)
+        clues.doubt(doubt)
     try:
         found = find_columns(clues)
     except Unanswered:
@@ -509,6 +513,8 @@ def _with_ends(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list
         chosen_columns = swapped if above(low, high) else columns
         name = next(n for n, what in chosen_columns.items() if what.endswith("h"))
         clues.because(f"{name}: v_h, for it is the larger on every strip, as k_h must be")
+        if not any(meaning(n).channel for n in columns):
+            doubt_middles(clues, list(columns)[:2], *((low, high) if above(low, high) else (high, low)))
         return replace(mapping, columns=chosen_columns)
     answer = clues.choice("exchanged", ("yes", "no"))
     if not mapping.which and not answer and above(low, high):
