@@ -302,6 +302,8 @@ def warn_of_order(name: str | Path, log: Log) -> tuple[tuple[int, ...], str]:
     numbers = [str(i + log.sensor.strip_base) for i in strips]
     doubt = "read as if they were exchanged" if sure else "may be exchanged"
     told = f"strips {', '.join(numbers[:-1])} and {numbers[-1]} {doubt}"
+    if len(numbers) == 1:
+        told = f"strip {numbers[0]} and another {doubt}"
     sensor = "" if str(name).lower().endswith(".mcap") else " --sensor SENSOR"
     warn(
         f"{told}: each fits where the other should be. Check their cables, or the order of the log's columns; "

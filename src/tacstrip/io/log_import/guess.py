@@ -513,8 +513,7 @@ def _with_ends(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list
         chosen_columns = swapped if above(low, high) else columns
         name = next(n for n, what in chosen_columns.items() if what.endswith("h"))
         clues.because(f"{name}: v_h, for it is the larger on every strip, as k_h must be")
-        if not any(meaning(n).channel for n in columns):
-            doubt_middles(clues, list(columns)[:2], *((low, high) if above(low, high) else (high, low)))
+        doubt_middles(clues, list(columns)[:2], *((low, high) if above(low, high) else (high, low)))
         return replace(mapping, columns=chosen_columns)
     answer = clues.choice("exchanged", ("yes", "no"))
     if not mapping.which and not answer and above(low, high):
