@@ -17,7 +17,7 @@ from tacstrip.io.log_import.channel_names import (
     with_channel_names,
 )
 from tacstrip.io.log_import.conversion import resolutions
-from tacstrip.io.log_import.cut import with_cut_lines_doubted, without_cut_end, without_cut_units
+from tacstrip.io.log_import.cut import refuse_cut_array, with_cut_lines_doubted, without_cut_end, without_cut_units
 from tacstrip.io.log_import.delimiters import of_sent, without_prefix
 from tacstrip.io.log_import.dialects import of_dialect
 from tacstrip.io.log_import.envelope import (
@@ -78,6 +78,7 @@ def of_text(text: str, path: str | Path = "the log") -> Table:
             f"without an end ({endless.group()[:10]}...); damaged, or no log: take them out"
         )
     text = _with_marks_of_nothing(_with_one_mark(unwrapped(with_arrays_as_records(_without_headers(text)))))
+    refuse_cut_array(text, path)
     table = with_retries(text, lambda strays: _with_lines(_announced(text, path, strays), text))
     return replace(table, of_content=lambda strips, channels: content_of(text, strips, channels))
 
