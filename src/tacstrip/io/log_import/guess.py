@@ -39,6 +39,7 @@ from tacstrip.io.log_import.questions import (
 from tacstrip.io.log_import.scans import (
     LogScan,
     is_newest_first,
+    inputs_read,
     is_unsorted,
     raw_times,
     scans,
@@ -535,6 +536,8 @@ def _strips(clues: Clues, found: Columns) -> tuple[int, int]:
         shown = ColumnMapping(columns=found.readings, unit="V", strips=1, strip=found.strip)
         many_lines = Counter(strip_numbers(clues.table, shown))
         there, all_listed = set(many_lines), len(set(many_lines.values())) == 1
+        if count and len(there) > count:
+            return _of_more_inputs(clues, found, there, count), count
     else:
         there, all_listed = {int(what.partition(":")[0]) for what in found.readings.values()}, True
     low, high = min(there), max(there)
@@ -557,6 +560,35 @@ def _strips(clues: Clues, found: Columns) -> tuple[int, int]:
     return int(base), count or high - int(base) + 1
 
 
+def _too_many(clues: Clues, found: Columns, low: int, high: int, count: int) -> NoTableError:
+    return NoTableError(
+        f"strips are numbered {low} to {high}, and the sensor has {count}{_where(clues, found, high)}; check strips in "
+        "the spec, or say which column is the strip's number: --answer NAME=strip, and NAME=skip of others (they are: "
+        f"{', '.join(clues.table.names[:8])})"
+    )
+
+
+def _of_more_inputs(clues: Clues, found: Columns, there: set[int], count: int) -> int:
+    """Return the number of the first strip where lines are of more inputs than strips, some of which are never read."""
+    read = {int(v) for v in inputs_read(clues.table, found.strip, [*found.readings]) if v is not None}
+    low, high = min(there), max(there)
+    fits = [b for b in range(low, high - count + 2) if not read or b <= min(read) <= max(read) < b + count]
+    if not fits:
+        raise _too_many(clues, found, low, high, count)
+    base = clues.number("strip_base")
+    if base is not None and base not in fits:
+        raise OptionError(f"--answer strip_base={base:g}: only from {fits[0]} to {fits[-1]} are all readings of strips")
+    if base is None and len(fits) > 1:
+        clues.ask(
+            "strip_base",
+            f"{found.strip} has {len(there)} numbers, {low} to {high}, and the sensor has {count} strips: which is the "
+            "first strip? (Others are taken as not connected; none has a reading)", *map(str, fits),
+        )  # fmt: skip
+    if low < fits[0]:
+        clues.because(f"{found.strip}: inputs without a reading are taken as not connected")
+    return int(fits[0] if base is None else base)
+
+
 def _base(
     clues: Clues, found: Columns, there: set[int], count: int, all_listed: bool
 ) -> tuple[int, int | None]:
@@ -566,11 +598,7 @@ def _base(
     if count and len(there) == count == high - low + 1:  # such as pins A2 to A7
         fits = [low]
     if count and not fits:
-        raise NoTableError(
-            f"strips are numbered {low} to {high}, and the sensor has {count}{_where(clues, found, high)}; check "
-            "strips in the spec, or say which column is the strip's number: --answer NAME=strip, and NAME=skip of "
-            f"others (they are: {', '.join(clues.table.names[:8])})"
-        )
+        raise _too_many(clues, found, low, high, count)
     if low in fits and (len(there) == count if count and len(fits) > 1 else all_listed or low == 0):
         return low, None
     if len(fits) == 1:

@@ -81,7 +81,7 @@ def scans(table: Table, mapping: ColumnMapping, dropped: list[int] | None = None
         raise ReadingError(
             f"line {table.absent} lacks a value that others have; if it is no contact, --answer missing=untouched"
         )
-    table = table.where(mapping.only)
+    table = _without_idle_inputs(table.where(mapping.only), mapping)
     _check_digits(table, mapping)
     sort = _oldest_first if is_newest_first(table, mapping) else _by_number
     table = _by_date(sort(table, mapping), mapping)
@@ -96,6 +96,24 @@ def scans(table: Table, mapping: ColumnMapping, dropped: list[int] | None = None
     if listed := mapping.order_of_strips("strip_order"):
         found = [replace(s, values=s.values[np.argsort(listed)]) for s in found]
     return in_turn(found, mapping.turn)
+
+
+def _without_idle_inputs(table: Table, mapping: ColumnMapping) -> Table:
+    """Return a table without the lines of inputs beyond the strips that never have a reading, where more are listed."""
+    if not mapping.strip or mapping.strip_names or mapping.strip_step:
+        return table
+    numbers = strip_numbers(table, mapping)
+    if len({*numbers}) <= mapping.strips:
+        return table
+    there = range(mapping.strip_base, mapping.strip_base + mapping.strips)
+    out = {*numbers} - {*there} - {*inputs_read(table, mapping.strip, [*mapping.columns])}
+    return table.of_rows(n for n, number in enumerate(numbers) if number not in out) if out else table
+
+
+def inputs_read(table: Table, strip: str, columns: Sequence[str]) -> set[float | None]:
+    """Return the numbers of inputs, in the column of the strip, of which some line has a reading."""
+    fields = zip(table.column(strip), *map(table.column, columns), strict=True)
+    return {number_of(number) for number, *read in fields if any(f and not says_nothing(f) for f in read)}
 
 
 def in_turn(scans: list[LogScan], turn: str) -> list[LogScan]:
