@@ -25,6 +25,7 @@ from tacstrip.io.log_import.ends import above, ends_exchanged, noise
 from tacstrip.io.log_import.fields import STAMP, is_garbled, number_of, says_nothing
 from tacstrip.io.log_import.mapping import STRIP_ORDERS, ColumnMapping
 from tacstrip.io.log_import.middles import doubt_middles, with_ends_of_middles
+from tacstrip.io.log_import.named_strips import with_named_strips_as_rows
 from tacstrip.io.log_import.names import CLOCKS, IN_VOLTS, is_strip_word, meaning, meanings
 from tacstrip.io.log_import.neighbours import order_of_neighbours
 from tacstrip.io.log_import.others import drop_others
@@ -312,6 +313,9 @@ def _assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
     if clues.expected != ("out",) and not {*clues.answers} & {*clues.table.names}:
         clues.table, doubt = with_ends_of_middles(clues.table)
         clues.doubt(doubt)
+        if clues.sensor and (long := with_named_strips_as_rows(clues.table, clues.sensor.strips)) != clues.table:
+            clues.because(long.remarks[-1])
+            clues.table = long
     try:
         found = find_columns(clues)
     except Unanswered:
