@@ -42,13 +42,17 @@ def wide(names: str, first: np.ndarray, second: np.ndarray, none: str = "") -> s
     """Return a log with a column of each strip and end, by names such as "mean_{s}, diff_{s}"."""
     head = ",".join(names.format(s=s) for s in range(STRIPS))
     rows = (
-        ",".join([f"{n * 0.05:.2f}", *(text(v[n, s], none, ".6f") for s in range(STRIPS) for v in (first, second))])
+        ",".join(
+            [f"{n * 0.05:.2f}", *(text(v[n, s], none, ".6f") for s in range(STRIPS) for v in (first, second))]
+        )
         for n in range(SCANS)
     )
     return "\n".join([f"t_s,{head}", *rows, ""])
 
 
-@pytest.mark.parametrize("names", ["mean_{s},diff_{s}", "Mitte {s} [V],Breite {s} [V]", "S{s}_center_V,S{s}_width_V"])
+@pytest.mark.parametrize(
+    "names", ["mean_{s},diff_{s}", "Mitte {s} [V],Breite {s} [V]", "S{s}_center_V,S{s}_width_V"]
+)
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_middle_and_a_difference_give_both_ends(names: str, sign: float) -> None:
     found = proposed(wide(names, (HIGH + LOW) / 2.0, sign * (HIGH - LOW)))
@@ -65,7 +69,9 @@ def test_names_that_say_nothing_are_doubted_where_contacts_would_be_hollow() -> 
     plain = proposed(wide("a{s},b{s}", HIGH, LOW))
     np.testing.assert_allclose(values(plain), BOTH, atol=1e-6)
     assert not any("difference" in doubt for doubt in plain.doubts)
-    assert any("difference" in doubt for doubt in proposed(wide("a{s},b{s}", (HIGH + LOW) / 2.0, HIGH - LOW)).doubts)
+    assert any(
+        "difference" in doubt for doubt in proposed(wide("a{s},b{s}", (HIGH + LOW) / 2.0, HIGH - LOW)).doubts
+    )
 
 
 def test_strips_by_name_in_columns_are_asked_for_their_order() -> None:
@@ -103,9 +109,16 @@ def test_of_more_inputs_than_strips_the_first_strip_is_asked() -> None:
 
 
 def test_empty_fields_of_a_log_of_changes_are_as_before() -> None:
-    at_rest = np.stack([np.where(OPEN, 0.0, np.round(end, 1)) for end in (HIGH, LOW)], axis=2).reshape(SCANS, -1)
+    at_rest = np.stack([np.where(OPEN, 0.0, np.round(end, 1)) for end in (HIGH, LOW)], axis=2).reshape(
+        SCANS, -1
+    )
     rows = [
-        ",".join([f"{n * 0.05:.2f}", *("" if n and v == last else f"{v:.1f}" for v, last in zip(now, before, strict=True))])
+        ",".join(
+            [
+                f"{n * 0.05:.2f}",
+                *("" if n and v == last else f"{v:.1f}" for v, last in zip(now, before, strict=True)),
+            ]
+        )
         for n, (now, before) in enumerate(zip(at_rest, [at_rest[0], *at_rest[:-1]], strict=True))
     ]
     head = ",".join(f"h{s},l{s}" for s in range(STRIPS))
@@ -129,7 +142,8 @@ def test_a_title_says_that_readings_are_places() -> None:
     for title, end in (("Upper edge (cm)", HIGH), ("Lower edge (cm)", LOW)):
         parts += [";;;;;;", f"{title};;;;;;", "t (s);" + ";".join(f"Strip {s + 1}" for s in range(STRIPS))]
         parts += [
-            ";".join([f"{n * 0.05:.2f}", *(text(end[n, s] * 3.0, "free") for s in range(STRIPS))]) for n in range(SCANS)
+            ";".join([f"{n * 0.05:.2f}", *(text(end[n, s] * 3.0, "free") for s in range(STRIPS))])
+            for n in range(SCANS)
         ]
     found = proposed("\n".join(parts))
     assert found.mapping.unit == "fraction"
@@ -151,7 +165,9 @@ def test_a_log_that_ends_within_its_second_array_says_so(log: str) -> None:
 
 
 def test_arrays_in_fields_over_several_lines() -> None:
-    sensor = ts.Sensor(construction="crs-crs", strips=2 * STRIPS, pitch_mm=8.0, length_mm=150.0, vref_volt=5.0)
+    sensor = ts.Sensor(
+        construction="crs-crs", strips=2 * STRIPS, pitch_mm=8.0, length_mm=150.0, vref_volt=5.0
+    )
     ends = [np.hstack([end, np.full_like(end, np.nan)]) for end in (HIGH, LOW)]
     rows = [
         f"{n},{n * 0.05:.2f}," + ",".join(f'"{np.array2string(end[n], max_line_width=60)}"' for end in ends)
@@ -165,8 +181,14 @@ def test_arrays_in_fields_over_several_lines() -> None:
 
 
 TAGGED = {
-    "esp-idf": lambda k: (f"I ({1000 + k}) skin: ", "I (31) boot: ESP-IDF v5.1.2\nI (330) skin: 6 strips [0..5], Vref 5 V\n"),
-    "zephyr": lambda k: (f"[00:00:{1 + k / 1000:06.3f},250] <inf> skin: ", "*** Booting Zephyr OS build v3.4.0 ***\n"),
+    "esp-idf": lambda k: (
+        f"I ({1000 + k}) skin: ",
+        "I (31) boot: ESP-IDF v5.1.2\nI (330) skin: 6 strips [0..5], Vref 5 V\n",
+    ),
+    "zephyr": lambda k: (
+        f"[00:00:{1 + k / 1000:06.3f},250] <inf> skin: ",
+        "*** Booting Zephyr OS build v3.4.0 ***\n",
+    ),
 }
 
 
@@ -193,19 +215,32 @@ def test_a_torn_line_is_of_the_scan_whose_heading_stands_above_it() -> None:
 
 
 def test_names_of_columns_in_a_json_header_beside_digital_ones() -> None:
-    head = {"00:07:80": {"column": ["nSeq", "O1", *(f"A{s + 1}" for s in range(STRIPS))], "sampling rate": 50}}
+    head = {
+        "00:07:80": {"column": ["nSeq", "O1", *(f"A{s + 1}" for s in range(STRIPS))], "sampling rate": 50}
+    }
     rows = [
         "\t".join([str(n % 16), "0", *(text(1000.0 * HIGH[n, s], "0", ".0f") for s in range(STRIPS)), ""])
         for n in range(SCANS)
     ]
-    found = proposed("\n".join(["# OpenSignals", f"# {json.dumps(head)}", "# EndOfHeader", *rows, ""]), ONE, unit="mV", untouched="0")
-    np.testing.assert_array_equal(np.nan_to_num(values(found)[:, :, 0]), np.nan_to_num(np.round(1000.0 * HIGH)))
+    found = proposed(
+        "\n".join(["# OpenSignals", f"# {json.dumps(head)}", "# EndOfHeader", *rows, ""]),
+        ONE,
+        unit="mV",
+        untouched="0",
+    )
+    np.testing.assert_array_equal(
+        np.nan_to_num(values(found)[:, :, 0]), np.nan_to_num(np.round(1000.0 * HIGH))
+    )
     assert [scan.time_s for scan in found.scans[:3]] == [0.0, 0.02, 0.04]
 
 
 @pytest.mark.parametrize(("step", "unit"), [(20, "ms"), (20_000, ""), (0.02, ""), (2, "")])
 def test_milliseconds_in_a_column_of_seconds_are_doubted(step: float, unit: str) -> None:
-    rows = [f"{n},{n * step:g},{s},{text(HIGH[n, s])},{text(LOW[n, s])}" for n in range(SCANS) for s in range(STRIPS)]
+    rows = [
+        f"{n},{n * step:g},{s},{text(HIGH[n, s])},{text(LOW[n, s])}"
+        for n in range(SCANS)
+        for s in range(STRIPS)
+    ]
     log = "\n".join(["scan,time_s,strip,v_h,v_l", *rows])
     if step > 3600:
         with pytest.raises(Unanswered, match="would rise by 20000 s"):

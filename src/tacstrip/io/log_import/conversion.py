@@ -90,7 +90,8 @@ _SIZE = r"\d+(?:[.,]\d+)?\s*(?:mm|cm|m)\b"
 _PARTS = r"\(?\s*[a-z]\w*\s*/\s*[a-z]\w*\s*\)?"
 # A place as a part of the length, as "y = U / Uref * L", "cm = V / Vref * stripLength".
 _PLACE = re.compile(
-    rf"=\s*(?:{_PARTS}{_BY}(?:L\b|(?:\w+ )?\w*{_LENGTHS}|{_SIZE})|(?:L|\w*{_LENGTHS}|{_SIZE}){_BY}{_PARTS})", re.IGNORECASE
+    rf"=\s*(?:{_PARTS}{_BY}(?:L\b|(?:\w+ )?\w*{_LENGTHS}|{_SIZE})|(?:L|\w*{_LENGTHS}|{_SIZE}){_BY}{_PARTS})",
+    re.IGNORECASE,
 )
 _LENGTH_SAID = (  # there or in a setting of its own
     re.compile(

@@ -44,7 +44,7 @@ def without_cut_end(table: Table, text: str) -> Table:
 
 
 def refuse_cut_array(text: str, path: str | Path) -> None:
-    """Refuse a text that ends within a named array, where another array is whole: which scans it lacks is not known.
+    r"""Refuse a text that ends within a named array, where another array is whole: which scans it lacks is not known.
 
     Of records that come again, each with arrays of the same names, only the last one is cut, as a line may be.
 
@@ -55,7 +55,7 @@ def refuse_cut_array(text: str, path: str | Path) -> None:
 
     Examples
     --------
-    >>> refuse_cut_array("high = [2.5, 2.4, 2.3]\\nlow = [1.5, 1.4", "x.txt")
+    >>> refuse_cut_array("high = [2.5, 2.4, 2.3]\nlow = [1.5, 1.4", "x.txt")
     Traceback (most recent call last):
     tacstrip.io.log_import.table.ContradictionError: x.txt: the log ends within 'low', which begins on line 2: ...
     """
@@ -75,8 +75,8 @@ def refuse_cut_array(text: str, path: str | Path) -> None:
         return
     named, at = cut[-1]
     raise ContradictionError(
-        f"{path}: the log ends within {named!r}, which begins on line {text.count(chr(10), 0, at) + 1}: is the file cut? "
-        "An array needs as many scans as the others; save it again, or shorten the others to as many"
+        f"{path}: the log ends within {named!r}, which begins on line {text.count(chr(10), 0, at) + 1}: is the file "
+        "cut? An array needs as many scans as the others; save it again, or shorten the others to as many"
     )
 
 

@@ -105,7 +105,11 @@ def _without_states(clues: Clues, readings: dict[str, Meaning]) -> dict[str, Mea
     groups = [{*g.values()} & {*readings} for g in numbered_groups(list(readings))]
     whole = [g for g in groups if clues.sensor and len(g) == clues.sensor.strips]
     others = {*readings}.difference(*whole)
-    if len(whole) != 1 or clues.expected != ("out",) or any(len({*clues.table.column(n)}) > 1 for n in others):
+    if (
+        len(whole) != 1
+        or clues.expected != ("out",)
+        or any(len({*clues.table.column(n)}) > 1 for n in others)
+    ):
         return readings
     return {n: m for n, m in readings.items() if n in whole[0]}
 

@@ -24,7 +24,8 @@ _STAMPED = re.compile(
     r"(?!\s*[AaPp]\.?[Mm]\b)\s*(?:->|=>|>|\||:|\t|\s)\s*(?=\S)"
 )
 _LEVELS = (
-    r"(?i:<(?:dbg|inf|wrn|err)>|[\[(]?\b(?-i:TRACE|DEBUG|DBG|VERBOSE|INFO|INF|NOTICE|LOG|WARN|WARNING|WRN|ERROR|ERR|FATAL|CRITICAL)[\])]?)"
+    r"(?:<(?:dbg|inf|wrn|err)>"
+    r"|[\[(]?(?:TRACE|DEBUG|DBG|VERBOSE|INFO|INF|NOTICE|LOG|WARN|WARNING|WRN|ERROR|ERR|FATAL|CRITICAL)[\])]?)"
 )
 _LEVEL = re.compile(rf"{_LEVELS}[\s:|-]\s*")
 _LEVEL_FIRST = re.compile(rf"\A\s*{_LEVELS}\s*[:|-]?\s*(?=[\[(\d])")  # before a time, as ROS writes
@@ -83,7 +84,8 @@ def without_stamps(lines: Lines) -> tuple[Lines, dict[int, str]]:
 def _as_wide(names: str, other: str) -> bool:
     """Return whether a line may name the fields of another: as many, none twice."""
     return any(
-        len(names.split(by)) == len({*names.split(by)}) == len(other.split(by)) > 2 for by in ("\t", "|", None)
+        len(names.split(by)) == len({*names.split(by)}) == len(other.split(by)) > 2
+        for by in ("\t", "|", None)
     )
 
 

@@ -214,14 +214,18 @@ class _Gathering:
 
     def _read(self) -> None:
         torn, starts = _cut_labels(self.parsed), _first_letters(self.texts)
-        numbered = any(_names_values(_fields(found)) and _NAMELESS in _fields(found) for _, found in self.parsed)
+        numbered = any(
+            _names_values(_fields(found)) and _NAMELESS in _fields(found) for _, found in self.parsed
+        )
         for number, found in self.parsed:
             text = self.texts[number]
             if number in torn:
                 self.strange.append(number)
             elif any(i.told or i.name for i in found):
                 fields = _fields(found)
-                if numbered and not _names_values(fields) and len(fields) > 1:  # how many, as "scan 5: 4 touched"
+                if (
+                    numbered and not _names_values(fields) and len(fields) > 1
+                ):  # how many, as "scan 5: 4 touched"
                     fields.pop(_NAMELESS, None)
                 self._take(number, fields)
             elif not self.records and not self._record:

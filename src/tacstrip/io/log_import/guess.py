@@ -39,8 +39,8 @@ from tacstrip.io.log_import.questions import (
 )
 from tacstrip.io.log_import.scans import (
     LogScan,
-    is_newest_first,
     inputs_read,
+    is_newest_first,
     is_unsorted,
     raw_times,
     scans,
@@ -313,7 +313,10 @@ def _assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
     if clues.expected != ("out",) and not {*clues.answers} & {*clues.table.names}:
         clues.table, doubt = with_ends_of_middles(clues.table)
         clues.doubt(doubt)
-        if clues.sensor and (long := with_named_strips_as_rows(clues.table, clues.sensor.strips)) != clues.table:
+        if (
+            clues.sensor
+            and (long := with_named_strips_as_rows(clues.table, clues.sensor.strips)) != clues.table
+        ):
             clues.because(long.remarks[-1])
             clues.table = long
     try:
@@ -581,7 +584,9 @@ def _of_more_inputs(clues: Clues, found: Columns, there: set[int], count: int) -
         raise _too_many(clues, found, low, high, count)
     base = clues.number("strip_base")
     if base is not None and base not in fits:
-        raise OptionError(f"--answer strip_base={base:g}: only from {fits[0]} to {fits[-1]} are all readings of strips")
+        raise OptionError(
+            f"--answer strip_base={base:g}: only from {fits[0]} to {fits[-1]} are all readings of strips"
+        )
     if base is None and len(fits) > 1:
         clues.ask(
             "strip_base",

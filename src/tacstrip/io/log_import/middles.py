@@ -72,7 +72,11 @@ def doubt_middles(clues: Clues, names: list[str], high: FloatArray, low: FloatAr
     """
     bend = [np.diff(values, 2, axis=1) for values in (high - low, low)]
     there = np.isfinite(bend[0])
-    if there.sum() < _FEW or (bend[0][there] > 0.0).mean() < _MOSTLY or (bend[1][there] < 0.0).mean() < _MOSTLY:
+    if (
+        there.sum() < _FEW
+        or (bend[0][there] > 0.0).mean() < _MOSTLY
+        or (bend[1][there] < 0.0).mean() < _MOSTLY
+    ):
         return
     clues.doubt(
         f"{names[0]!r} and {names[1]!r} are taken for v_h and v_l, and contacts would be narrower within than at their "

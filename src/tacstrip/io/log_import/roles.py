@@ -220,8 +220,15 @@ def strip_column(clues: Clues, known: dict[str, Meaning], which: str, wide: list
         if unknown and strips > 1 and comes_again(clues.values(name)) and len(set(fields)) == strips:
             clues.because(f"{name}: {strips} whole numbers that come again and again, as many as strips")
             return name, 0.0
-        if unknown and strips > 1 and comes_again(clues.values(name)) and _are_inputs(clues, name, len(set(fields))):
-            clues.because(f"{name}: whole numbers that come again and again, of which some never have a reading")
+        if (
+            unknown
+            and strips > 1
+            and comes_again(clues.values(name))
+            and _are_inputs(clues, name, len(set(fields)))
+        ):
+            clues.because(
+                f"{name}: whole numbers that come again and again, of which some never have a reading"
+            )
             return name, 0.0
     return "", 0.0
 

@@ -383,7 +383,7 @@ def _broken_beside(table: Table, parts: Sequence[tuple[int, int]]) -> list[int]:
 
 
 def _headings(table: Table, parts: Sequence[tuple[int, int]]) -> frozenset[int]:
-    """Return the lines above scans that are no rows, if nearly all scans have one: what stands above is of none below."""
+    """Return the lines above scans that are no rows, if nearly all have one: nothing above them is of a scan below."""
     rows = {*table.lines, *table.broken}
     above = [line - 1 for first, _ in parts if (line := table.lines[first]) - 1 not in rows]
     return frozenset(above) if len(above) >= _HEADED * len(parts) else frozenset()

@@ -51,7 +51,8 @@ def in_normal_form(table: Table) -> Table:
     """
     steps: tuple[Callable[[Table], Table], ...] = (
         _without_empty, of_day_and_clock, of_one_clock, of_two_numbers, _spread, upright, _without_units,
-        _of_halves, _held, _of_strips_only, _of_senders, _of_unit_column, _in_one_unit, _split_keys, _of_nothing, _filled, _without_index,
+        _of_halves, _held, _of_strips_only, _of_senders, _of_unit_column, _in_one_unit, _split_keys, _of_nothing,
+        _filled, _without_index,
     )  # fmt: skip
     for step in steps:
         table = step(table) if table.rows else table
@@ -105,7 +106,11 @@ def _held(table: Table) -> Table:
     written = {n: [f for f in fields if f] for n, fields in holes.items()}
     common, many = Counter(fields[0] for fields in holes.values()).most_common(1)[0]
     ends = sum(fields[1:].count(common) for fields in written.values())
-    if many < 2 or ends < 2 or any(a == b for fields in written.values() for a, b in itertools.pairwise(fields)):
+    if (
+        many < 2
+        or ends < 2
+        or any(a == b for fields in written.values() for a, b in itertools.pairwise(fields))
+    ):
         return table
     for n, fields in holes.items():
         columns[n] = list(itertools.accumulate(fields, lambda last, now: now or last))

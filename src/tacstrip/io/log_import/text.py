@@ -17,7 +17,12 @@ from tacstrip.io.log_import.channel_names import (
     with_channel_names,
 )
 from tacstrip.io.log_import.conversion import resolutions
-from tacstrip.io.log_import.cut import refuse_cut_array, with_cut_lines_doubted, without_cut_end, without_cut_units
+from tacstrip.io.log_import.cut import (
+    refuse_cut_array,
+    with_cut_lines_doubted,
+    without_cut_end,
+    without_cut_units,
+)
 from tacstrip.io.log_import.delimiters import of_sent, without_prefix
 from tacstrip.io.log_import.dialects import of_dialect
 from tacstrip.io.log_import.envelope import (

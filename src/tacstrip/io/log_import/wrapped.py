@@ -26,7 +26,7 @@ _EPOCH, _STEPS, _PARTS = 1e9, 3, 1000.0
 
 
 def with_arrays_as_records(text: str) -> str:
-    r"""Return a CSV text whose quoted fields hold arrays, perhaps over several lines, as JSON records; another as it is.
+    r"""Return a CSV text whose quoted fields hold arrays, also over several lines, as JSON records; another as it is.
 
     Each record stands where its row begins.
 
@@ -50,7 +50,9 @@ def with_arrays_as_records(text: str) -> str:
     names = [name or "index" for name in names]
     whole = [row for _, row in rest if len(row) == len(names)]
     arrays = [
-        n for n in range(len(names)) if sum(bool(_ARRAY.fullmatch(row[n])) for row in whole) > STEADY * len(rest)
+        n
+        for n in range(len(names))
+        if sum(bool(_ARRAY.fullmatch(row[n])) for row in whole) > STEADY * len(rest)
     ]
     if not arrays or len({*names}) < len(names) or any(number_of(name) is not None for name in names):
         return text
