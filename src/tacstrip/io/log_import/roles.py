@@ -33,6 +33,7 @@ from tacstrip.io.log_import.table import CLOCK, ROW
 
 # So far, and s, two clocks may differ, of which one is read when a line has come.
 _AS_LONG, _LATE_S = 0.25, 0.1
+_CYCLES = 3  # of all inputs
 _OFTEN = 10  # times that a number of a unit of time rises, if not evenly
 _ON_PITCH = 0.02  # of the pitch
 
@@ -238,7 +239,8 @@ def _are_inputs(clues: Clues, name: str, many: int) -> bool:
     some = [n for n in clues.table.names if n != name and any(map(says_nothing, clues.table.column(n)))]
     read = [v for v in inputs_read(clues.table, name, some) if v is not None]
     strips = clues.sensor.strips if clues.sensor else 0
-    return strips < many and bool(read) and max(read) - min(read) < strips
+    again = len(clues.table.rows) > _CYCLES * many  # else it may count the scans
+    return strips < many and again and bool(read) and max(read) - min(read) < strips
 
 
 def _may_number_strips(clues: Clues, name: str) -> bool:
