@@ -78,8 +78,8 @@ def test_strips_by_name_in_columns_are_asked_for_their_order() -> None:
     fingers = ["index", "little", "middle", "palm", "ring", "thumb"]
     order = [2, 0, 4, 1, 5, 3]  # of these along the skin
     head = ",".join(f"{fingers[s]} high,{fingers[s]} low" for s in np.argsort(order))
-    log = wide("{s}", HIGH[:, np.argsort(order)], LOW[:, np.argsort(order)]).split("\n", 1)
-    log = f"t_s,{head}\n{log[1]}"
+    below = wide("{s}", HIGH[:, np.argsort(order)], LOW[:, np.argsort(order)]).partition("\n")[2]
+    log = f"t_s,{head}\n{below}"
     with pytest.raises(Unanswered) as asked:
         proposed(log)
     assert [q.key for q in asked.value.questions] == ["strip_order"]
@@ -180,26 +180,25 @@ def test_arrays_in_fields_over_several_lines() -> None:
     assert np.isnan(made[:, STRIPS:]).all()
 
 
-TAGGED = {
-    "esp-idf": lambda k: (
-        f"I ({1000 + k}) skin: ",
-        "I (31) boot: ESP-IDF v5.1.2\nI (330) skin: 6 strips [0..5], Vref 5 V\n",
-    ),
-    "zephyr": lambda k: (
-        f"[00:00:{1 + k / 1000:06.3f},250] <inf> skin: ",
-        "*** Booting Zephyr OS build v3.4.0 ***\n",
-    ),
+BOOT = {
+    "esp-idf": "I (31) boot: ESP-IDF v5.1.2\nI (330) skin: 6 strips [0..5], Vref 5 V\n",
+    "zephyr": "*** Booting Zephyr OS build v3.4.0 ***\n",
 }
 
 
-@pytest.mark.parametrize("kind", [*TAGGED])
+def tagged(kind: str, k: int) -> str:
+    """Return what stands before a line, k ms after the first."""
+    return f"I ({1000 + k}) skin: " if kind == "esp-idf" else f"[00:00:{1 + k / 1000:06.3f},250] <inf> skin: "
+
+
+@pytest.mark.parametrize("kind", [*BOOT])
 def test_tags_of_a_program_and_how_many_strips_are_touched(kind: str) -> None:
-    log = TAGGED[kind](0)[1]
+    log = BOOT[kind]
     for n in range(SCANS):
         there = np.flatnonzero(~OPEN[n])
-        log += f"{TAGGED[kind](50 * n)[0]}scan {n}: {len(there)} touched\n"
+        log += f"{tagged(kind, 50 * n)}scan {n}: {len(there)} touched\n"
         for i, s in enumerate(there):
-            log += f"{TAGGED[kind](50 * n + i)[0]}[{s}] hi={HIGH[n, s]:.3f} lo={LOW[n, s]:.3f} V\n"
+            log += f"{tagged(kind, 50 * n + i)}[{s}] hi={HIGH[n, s]:.3f} lo={LOW[n, s]:.3f} V\n"
     np.testing.assert_allclose(values(proposed(log, strip_base="0")), BOTH, atol=1e-3)
 
 
