@@ -34,8 +34,8 @@ def with_named_strips_as_rows(table: Table, strips: int) -> Table:
     kinds = {frozenset(columns) for columns in of.values()}
     if not _FEW <= strips == len(of) or len(kinds) != 1:
         return table
-    ends = {meaning(w).channel: kind for kind in min(kinds) for w in _WORD.findall(kind)}
-    high, low = ends.get("h", ""), ends.get("l", "")
+    said = {meaning(w).channel: kind for kind in min(kinds) for w in _WORD.findall(kind)}
+    high, low = said.get("h", ""), said.get("l", "")
     used = {n for columns in of.values() for n in columns.values()}
     others = [n for n in table.names if n not in used]
     if len(used) != 2 * strips or high == low or {"strip", high, low} & {*others}:

@@ -166,8 +166,8 @@ def _names_said(line: str, width: int, separator: str) -> str:
     "# fw 3 order: H0..H7 | L0..L7, 0 = open".
     """
     bare = line.lstrip("#%/! \t")
-    if listed := _listed(line, width):
-        return (separator or " ").join(name.replace(" ", "_") for name in listed)
+    if in_json := _listed(line, width):
+        return (separator or " ").join(name.replace(" ", "_") for name in in_json)
     for shorter in (
         bare,
         _REMARKED.sub("", bare),

@@ -113,7 +113,9 @@ def _held(table: Table) -> Table:
     ):
         return table
     for n, fields in holes.items():
-        columns[n] = list(itertools.accumulate(fields, lambda last, now: now or last))
+        columns[n] = fields[:1]
+        for field in fields[1:]:
+            columns[n].append(field or columns[n][-1])
     told = "empty fields are as the last one above them: none is written that is as before"
     return replace(table.with_columns(columns), doubts=(*table.doubts, told))
 
