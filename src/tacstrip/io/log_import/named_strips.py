@@ -38,7 +38,7 @@ def with_named_strips_as_rows(table: Table, strips: int) -> Table:
     high, low = said.get("h", ""), said.get("l", "")
     used = {n for columns in of.values() for n in columns.values()}
     others = [n for n in table.names if n not in used]
-    if len(used) != 2 * strips or high == low or {"strip", high, low} & {*others}:
+    if not (high and low) or len(used) != 2 * strips or {"strip", high, low} & {*others}:
         return table
     places = table.places
     rows = [
