@@ -248,3 +248,13 @@ def test_milliseconds_in_a_column_of_seconds_are_doubted(step: float, unit: str)
     doubts = [doubt for doubt in proposed(log).doubts if "is the time in milliseconds?" in doubt]
     assert len(doubts) == bool(unit)
     assert not unit or proposed(log, time_unit=unit).scans[1].time_s == 0.001 * step
+
+
+def test_a_tick_may_be_a_part_of_a_second() -> None:
+    log = wide("h{s},l{s}", HIGH, LOW).replace("t_s", "tick", 1).split("\n")
+    log[1:-1] = [f"{16 * n},{row.partition(',')[2]}" for n, row in enumerate(log[1:-1])]
+    with pytest.raises(Unanswered, match="1/1024s: of a clock of 1024 Hz"):
+        proposed("\n".join(log))
+    found = proposed("\n".join(log), time_unit="1/1024s")
+    assert found.scans[1].time_s == 16 / 1024
+    assert found.mapping.time_unit == "1/1024s"
