@@ -110,7 +110,7 @@ def test_what_the_spec_does_not_state_is_asked_and_what_it_states_is_taken() -> 
     with pytest.raises(Unanswered, match="strip_base="):  # strip 1 is the lowest: it may be the first
         propose(of_text(touched_only(-1)), TWO, {}, ALL)
     with pytest.raises(Unanswered, match=r"(?s)v_mid=h.*strip_base="):  # all that is open at once
-        propose(of_text(touched_only(-1).replace("v_h,v_l", "v_mid,v_width")), TWO, {}, ALL)
+        propose(of_text(touched_only(-1).replace("v_h,v_l", "v_mid,v_sigma")), TWO, {}, ALL)
 
 
 def test_names_and_packing_of_many_hands(tmp_path: Path) -> None:

@@ -746,7 +746,7 @@ def test_a_last_label_without_readings_is_left_out_and_costs_no_other_scan() -> 
         (re.sub(r"([vhl]+\d)", r"\1 [mA]", _HEAD) + _TWO_SCANS, "'mA' is no unit"),
         (re.sub(r"([vhl]+\d)", r"\1 [10 mV]", _HEAD) + _TWO_SCANS, "'10 mV' is no unit"),
         (re.sub(r"([vhl]+\d)", r"\1 x10 [V]", _HEAD) + _TWO_SCANS, "'x10' is no unit"),
-        ("time_s,strip,v_mid,v_width\n0,0,1.858,1.309\n0,1,,\n0,2,,\n1,0,1.9,1.3\n1,1,2.0,1.4\n1,2,,\n", "'v_mid' is called"),
+        ("time_s,strip,v_mid,v_sigma\n0,0,1.858,1.309\n0,1,,\n0,2,,\n1,0,1.9,1.3\n1,1,2.0,1.4\n1,2,,\n", "'v_mid' is called"),
         (_HEAD + _TWO_SCANS + "0.10,,,2.740,1.355,,\n0.15,,,2.7,1.3,,\n,2.527,1.219,2.727,1.339,,\n", "line(s) 6 (',2.527"),
         ("# Vref = 3.3 V\n" + _HEAD + _TWO_SCANS, "the log says Vref = 3.3 V"),
         ("# ADC 10 bit\n" + _HEAD.replace("v", "code_") + "0,513,204,,,,\n0.1,541,233,713,322,,\n", "the log says 10 bit"),
@@ -754,7 +754,7 @@ def test_a_last_label_without_readings_is_left_out_and_costs_no_other_scan() -> 
         ("t_ms,strip,vh,vl,valid\n0,0,2.5,1.2,1\n0,1,2.9,1.5,0\n0,2,2.9,1.5,0\n50,0,2.5,1.2,1\n50,1,2.7,1.3,1\n50,2,2.9,1.5,0\n", "valid=skip"),
         (_HEAD + "0,2.513,1.204\n0.05,2.5,1.2,2.7,1.3,3.0,1.7\n0.1,2.6,1.2,2.7,1.3,3.0,1.7\n", "line(s) 2 ('0,2.513"),
         ("FRAME 1 t=0ms\nstrip 0: hi=1V lo=.5V\nstrip 1: hi=2V lo=1V\nstrip 0; hi 2143\nFRAME 2 t=9ms\nstrip 0: hi=1.1V lo=.6V\n"
-         "strip 1: hi=2V lo=1V\nFRAME 3 t=18ms\nstrip 1: hi=2.1V lo=1V\n", "no line for strip 0"),
+         "strip 1: hi=2V lo=1V\nFRAME 3 t=18ms\nstrip 1: hi=2.1V lo=1V\n", "line 6 has no line for strip 2"),
     ],
 )  # fmt: skip
 def test_what_contradicts_itself_is_asked_or_refused_with_its_place(log: str, said: str) -> None:

@@ -240,7 +240,7 @@ def load_log(file: Path, spec: str | None, call: str = "--sensor sensor.toml") -
     """
     from tacstrip.diagnose.log import Log, read_log
     from tacstrip.io.columns import BEGIN_SPEC
-    from tacstrip.io.input_checks import half_read, misread
+    from tacstrip.io.input_checks import half_read, misread, unlikely_times
     from tacstrip.stream.replay import Recording
 
     if file.suffix.lower() == ".mcap":
@@ -254,14 +254,15 @@ def load_log(file: Path, spec: str | None, call: str = "--sensor sensor.toml") -
     if spec is None:
         raise OptionError(f"{file} does not say what sensor it is of; name its spec: {call} ({BEGIN_SPEC})")
     log = read_log(file, load_sensor(spec))
-    warn(half_read(file, log.sensor, tuple(log.raw)), *misread(file, log.sensor, log.raw))
+    told = (half_read(file, log.sensor, tuple(log.raw)), unlikely_times(file, log.time_s))
+    warn(*told, *misread(file, log.sensor, log.raw))
     return log
 
 
 def warn_of_input(name: str | Path, source: Source) -> None:
     """Warn of what is probably not meant in a source that is a file, as far as it can be read."""
     from tacstrip.diagnose.log import Log
-    from tacstrip.io.input_checks import half_read, misread
+    from tacstrip.io.input_checks import half_read, misread, unlikely_times
     from tacstrip.sensor.spec import Sensor
     from tacstrip.stream.replay import ReadingsSource, Recording
 
@@ -274,7 +275,8 @@ def warn_of_input(name: str | Path, source: Source) -> None:
     except (ReadingError, RecordingError):
         return
     if isinstance(source, ReadingsSource):
-        warn(half_read(name, source.sensor, source.names), *misread(name, log.sensor, log.raw))
+        told = (half_read(name, source.sensor, source.names), unlikely_times(name, log.time_s))
+        warn(*told, *misread(name, log.sensor, log.raw))
     warn_of_log(name, log)
 
 
@@ -300,6 +302,8 @@ def warn_of_order(name: str | Path, log: Log) -> tuple[tuple[int, ...], str]:
     numbers = [str(i + log.sensor.strip_base) for i in strips]
     doubt = "read as if they were exchanged" if sure else "may be exchanged"
     told = f"strips {', '.join(numbers[:-1])} and {numbers[-1]} {doubt}"
+    if len(numbers) == 1:
+        told = f"strip {numbers[0]} and another {doubt}"
     sensor = "" if str(name).lower().endswith(".mcap") else " --sensor SENSOR"
     warn(
         f"{told}: each fits where the other should be. Check their cables, or the order of the log's columns; "

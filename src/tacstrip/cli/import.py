@@ -22,6 +22,8 @@ from tacstrip.io.log_import.doubts import backwards
 from tacstrip.io.log_import.ends import ends_exchanged, refuse_split_ends
 from tacstrip.io.log_import.guess import Proposal, left_out, propose, settled
 from tacstrip.io.log_import.mapping import ColumnMapping
+from tacstrip.io.log_import.middles import with_ends_of_middles
+from tacstrip.io.log_import.named_strips import with_named_strips_as_rows
 from tacstrip.io.log_import.scans import scans
 from tacstrip.io.log_import.table import Table
 from tacstrip.io.log_import.write import at_rest, in_volts, rows, touched, write_log
@@ -80,8 +82,9 @@ def command(
     without = (
         "" if spec else _NAME_A_SENSOR.format(log=shlex.quote(str(log)), output=shlex.quote(str(output)))
     )
-    with options.asked_of(log, without):
+    with options.asked_of(log):  # a file that is empty or cut is so whatever sensor it is of
         table = read_table(log, sheet or told.get("sheet"))
+    with options.asked_of(log, without):
         found = _mapped(table, given, sensor) if given else propose(table, sensor, told, _stated(spec))
         for reason in found.reasons:
             note(f"  {reason}")
@@ -111,6 +114,8 @@ def _mapped(table: Table, file: Path, sensor: Sensor | None) -> Proposal:
     mapping = ColumnMapping.load(file)
 
     def read(found: Table) -> Proposal:
+        if not {*mapping.columns} <= {*found.names}:
+            found, _ = with_ends_of_middles(with_named_strips_as_rows(found, mapping.strips))
         dropped: list[int] = []
         rough = scans(found, mapping, dropped)
         doubts = [

@@ -122,8 +122,9 @@ def _begun(
     from tacstrip.io.log_import.questions import Unanswered
 
     told = options.answered(answers)
-    with options.asked_of(log, _WITHOUT_LOG.format(log=shlex.quote(str(log)))):
+    with options.asked_of(log):
         table = read_table(log, told.get("sheet"))
+    with options.asked_of(log, _WITHOUT_LOG.format(log=shlex.quote(str(log)))):
         facts = sensor_facts(table, told)
     names = {key for key in keys if options.given(key)}
     kinds = [

@@ -38,6 +38,8 @@ _VREF_VOLT = 2.0  # above it, volts that all stay below 1 are seldom volts
 _END_BYTES, _FEW_ENDS = 65536, 8  # of a file's end that is looked at; numbers there, at least
 _SOME = 20  # scans of a file of which outlines are looked at
 _NAMED = 5  # channels that a warning names
+_SLOW_S, _FEW_TIMES = 5.0, 4  # from scan to scan, and times: whole ones that rise so fast may be milliseconds
+_MS_S = 2000.0  # a step above it would be microseconds
 
 
 def unlikely_lengths(sensor: AnySensor) -> str:
@@ -111,6 +113,28 @@ def over_vref(path: str | Path, sensor: Sensor, largest: float) -> str:
     )
 
 
+def unlikely_times(path: str | Path, time_s: FloatArray) -> str:
+    """Return a warning where times of scans (scans,) [s] seem to be milliseconds, or microseconds.
+
+    Examples
+    --------
+    >>> unlikely_times("r.csv", np.arange(5) * 20.0)[:73]
+    'r.csv: scans would come every 20 s, all at whole seconds: is the time in '
+    >>> unlikely_times("r.csv", np.arange(5) * 0.02), unlikely_times("r.csv", np.arange(5) * 7.2)
+    ('', '')
+    """
+    steps = np.diff(time_s[np.isfinite(time_s)])
+    steps = steps[steps > 0.0]
+    step = float(np.median(steps)) if len(steps) else 0.0
+    if len(steps) < _FEW_TIMES - 1 or step < _SLOW_S or (time_s != np.round(time_s)).any():
+        return ""
+    unit, short = ("milliseconds", "ms") if step <= _MS_S else ("microseconds", "us")
+    return (
+        f"{path}: scans would come every {step:g} s, all at whole seconds: is the time in {unit}? time_s is in "
+        f"seconds; if not so here, divide it, or `tacstrip import ... --answer time_unit={short}`"
+    )
+
+
 def half_read(path: str | Path, sensor: Sensor, names: Sequence[str]) -> str:
     """Return a warning where readings have only one of the sensor's two signatures."""
     lack = [name for name in sensor.signatures if name not in names]
@@ -166,6 +190,7 @@ def readings_suspicions(
     unit, names = unit_of(sensor), scans[0].signatures
     raw = invert_calibration(unit, {name: np.stack([scan[name] for scan in scans]) for name in names})
     found = [] if one_signature else [half_read(file, unit, names)]
+    found.append(unlikely_times(file, np.array([scan.time_s for scan in scans])))
     if not isinstance(sensor, LayeredSensor):
         told = misread(file, sensor, raw)
         hint = other_scale(sensor, raw) if scale and not any(told) else ""

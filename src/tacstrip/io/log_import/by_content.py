@@ -120,9 +120,7 @@ def of_content(text: str, strips: int, channels: int) -> Table | None:
     >>> of_content(log, 4, 2).names
     ('time [s]', 'h_0', 'l_0', 'h_1', 'l_1', 'h_2', 'l_2', 'h_3', 'l_3')
     """
-    there = [
-        (n, line.strip(" \r")) for n, line in numbered(text) if line.strip()
-    ]  # an empty field may stand last
+    there = _without_gaps([(n, line.strip(" \r")) for n, line in numbered(text) if line.strip()])
     found: list[tuple[float, FloatArray, Table]] = []
     marks = [len(re.findall(rf"(?<![\w.,:])\d+{mark}\d+(?![\w.,])", text)) for mark in (r"\.", ",")]
     for decimal in (".", ",") if marks[1] > marks[0] else (".",):
@@ -141,6 +139,16 @@ def of_content(text: str, strips: int, channels: int) -> Table | None:
     rough, values, table = found[0]
     rivals = [v for other, v, _ in found[1:] if other < _FAR_OFF * rough]
     return None if any(not np.array_equal(values, v, equal_nan=True) for v in rivals) else table
+
+
+def _without_gaps(lines: list[tuple[int, str]]) -> list[tuple[int, str]]:
+    """Return lines without those of separators alone that stand beside a title, as a spreadsheet saves empty rows."""
+    gaps = [not re.search(r"[^\s;,|]", line) for _, line in lines]
+    mark = next((line.strip()[:1] for (_, line), gap in zip(lines, gaps, strict=True) if gap), "") or "\t"
+    filled = [[f for f in line.split(mark) if f.strip()] for _, line in lines]
+    title = [len(f) == 1 and bool(re.search(r"[^\W\d_]{2}", f[0])) for f in filled]
+    beside = [any(title[max(n - 1, 0) : n + 2]) for n in range(len(lines))]
+    return [line for line, gap, so in zip(lines, gaps, beside, strict=True) if not (gap and so)]
 
 
 def _best(

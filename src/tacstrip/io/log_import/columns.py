@@ -206,7 +206,10 @@ def _likely_strip(
     if not some:
         raise NoTableError(f"{text}; add one with its number")
     strip = some[0]
-    if len(some) == 1 and counts_strips(clues, strip, [n for n in (time, scan) if n]):
+    # Lines of one scan may each have a time of their own.
+    if len(some) == 1 and any(
+        counts_strips(clues, strip, [n for n in same if n]) for same in ((time, scan), (scan,))
+    ):
         clues.because(f"{strip}: counts up by one within each scan, from another number in some")
     else:
         clues.ask(strip, f"{text}: is it this one? Say it of the right one", "strip", of_form=True)

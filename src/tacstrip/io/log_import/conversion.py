@@ -11,7 +11,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import OptionError
-from tacstrip.io.log_import.names import LENGTHS_MM
+from tacstrip.io.log_import.names import LENGTHS_MM, unit_in
 from tacstrip.io.log_import.questions import Clues
 from tacstrip.io.log_import.table import Table
 
@@ -86,10 +86,12 @@ _LENGTHS = (
     r"(?:length|l\u00e4nge|longueur|longitud|largo|lunghezza|comprimento|lengte|d\u0142ugo\u015b\u0107)"
 )
 _BY = r"\s*[*\u00b7\u00d7x]\s*"
+_SIZE = r"\d+(?:[.,]\d+)?\s*(?:mm|cm|m)\b"
 _PARTS = r"\(?\s*[a-z]\w*\s*/\s*[a-z]\w*\s*\)?"
 # A place as a part of the length, as "y = U / Uref * L", "cm = V / Vref * stripLength".
 _PLACE = re.compile(
-    rf"=\s*(?:{_PARTS}{_BY}(?:L\b|\w*{_LENGTHS})|(?:L|\w*{_LENGTHS}){_BY}{_PARTS})", re.IGNORECASE
+    rf"=\s*(?:{_PARTS}{_BY}(?:L\b|(?:\w+ )?\w*{_LENGTHS}|{_SIZE})|(?:L|\w*{_LENGTHS}|{_SIZE}){_BY}{_PARTS})",
+    re.IGNORECASE,
 )
 _LENGTH_SAID = (  # there or in a setting of its own
     re.compile(
@@ -97,6 +99,11 @@ _LENGTH_SAID = (  # there or in a setting of its own
     ),
     re.compile(
         rf"{_LENGTHS}[ _]?[\[(]?(?P<unit>mm|cm|m)[\])]?[\"']?\s*[:=]\s*(?P<length>\d+(?:[.,]\d+)?)",
+        re.IGNORECASE,
+    ),
+    # As "U/Uref * strip length (32.5 cm)", "U / Uref x 30 cm".
+    re.compile(
+        rf"(?:{_LENGTHS}\b[^\d\n(]{{0,30}}\(|{_PARTS}{_BY})\s*(?P<length>\d+(?:[.,]\d+)?)\s*(?P<unit>mm|cm|m)\b",
         re.IGNORECASE,
     ),
 )
@@ -179,11 +186,18 @@ def _ratio_alone(line: str) -> bool:
 def of_lengths(clues: Clues, columns: list[str]) -> float:
     """Return by what readings that are places along the strip, U / Vref * L, are multiplied to be over Vref; else 1.
 
-    That a column in centimetres is one, a line says with its formula, or the answer.
+    That a column in centimetres is one, a line says with its formula, or the answer. Where no column says its unit, a
+    title above them may: "Upper edge (cm)".
     """
     units = {unit for name in columns if (unit := length_in(name))}
+    titles = [line.strip("#%/ ;,\t\r") for line in clues.table.preamble]
+    above = {unit for title in titles if not re.search(r"\d", title) and (unit := length_in(title))}
+    unsaid = len(above) == 1 and not any(unit_in(name) for name in columns)
+    units = units or (above if unsaid else set())
     answer = clues.answers.get("unit", "")
-    if answer not in LENGTHS_MM and (answer or len(units) != 1 or any(not length_in(n) for n in columns)):
+    if answer not in LENGTHS_MM and (
+        answer or len(units) != 1 or not (unsaid or all(map(length_in, columns)))
+    ):
         return 1.0
     unit = answer if answer in LENGTHS_MM else units.pop()
     length = clues.sensor.length_mm / LENGTHS_MM[unit] if clues.sensor else 0.0

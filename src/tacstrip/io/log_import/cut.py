@@ -6,10 +6,17 @@ import itertools
 import re
 from collections import Counter
 from dataclasses import replace
+from pathlib import Path
 
 from tacstrip.io.log_import.names import meanings
-from tacstrip.io.log_import.table import Table
+from tacstrip.io.log_import.table import ContradictionError, Table
 
+# A name before an array; brackets; and what stands between quotes.
+_BRACKETS = re.compile(
+    r"(?:\"(?P<quoted>[^\"\n]{1,40})\"|'(?P<single>[^'\n]{1,40})'|(?<![\w.])(?P<plain>[A-Za-z_]\w{0,39}))\s*[:=](?!=)"
+    r"|(?P<open>[\[{(])|(?P<close>[\])}])|\"[^\"\n]*\"|'[^'\n]*'"
+)
+_CALLED = re.compile(r"\s*(?:(?:np|numpy)\.)?(?:array)?\s*")
 _FEW_LINES = 4  # of fewer, the length of the last number tells nothing
 _RARE = 0.05  # of the lines: more that are shorter are no accident
 _SHOWN = 5
@@ -34,6 +41,43 @@ def without_cut_end(table: Table, text: str) -> Table:
         return table
     broken = (*table.broken, table.lines[-1])
     return replace(table, rows=table.rows[:-1], lines=table.lines[:-1], broken=broken)
+
+
+def refuse_cut_array(text: str, path: str | Path) -> None:
+    r"""Refuse a text that ends within a named array, where another array is whole: which scans it lacks is not known.
+
+    Of records that come again, each with arrays of the same names, only the last one is cut, as a line may be.
+
+    Raises
+    ------
+    ContradictionError
+        It ends so.
+
+    Examples
+    --------
+    >>> refuse_cut_array("high = [2.5, 2.4, 2.3]\nlow = [1.5, 1.4", "x.txt")
+    Traceback (most recent call last):
+    tacstrip.io.log_import.table.ContradictionError: x.txt: the log ends within 'low', which begins on line 2: ...
+    """
+    open_: list[tuple[str, int]] = []
+    whole: set[str] = set()
+    name, end = "", 0
+    for m in _BRACKETS.finditer(text):
+        if named := m["quoted"] or m["single"] or m["plain"]:
+            name, end = named, m.end()
+        elif m["open"]:
+            open_.append((name if _CALLED.fullmatch(text, end, m.start()) else "", m.start()))
+            name = ""
+        elif m["close"] and open_:
+            whole |= {re.sub(r"\d+", "0", open_.pop()[0])} - {""}  # as of scans that are counted
+    cut = [(named, at) for named, at in open_ if named]
+    if not cut or not whole or re.sub(r"\d+", "0", cut[-1][0]) in whole:
+        return
+    named, at = cut[-1]
+    raise ContradictionError(
+        f"{path}: the log ends within {named!r}, which begins on line {text.count(chr(10), 0, at) + 1}: is the file "
+        "cut? An array needs as many scans as the others; save it again, or shorten the others to as many"
+    )
 
 
 def without_cut_units(table: Table) -> Table:

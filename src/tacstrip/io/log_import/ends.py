@@ -18,6 +18,7 @@ from tacstrip.io.log_import.names import (
     Meaning,
     end_beside,
     meanings,
+    numbered_groups,
     pair_of,
 )
 from tacstrip.io.log_import.questions import Clues, Question, Unanswered
@@ -99,10 +100,25 @@ def _ask_for_each(clues: Clues, readings: dict[str, Meaning]) -> dict[str, str]:
     return dict.fromkeys(readings, "h")
 
 
+def _without_states(clues: Clues, readings: dict[str, Meaning]) -> dict[str, Meaning]:
+    """Return readings without columns that never change, such as digital outputs, beside one of each strip."""
+    groups = [{*g.values()} & {*readings} for g in numbered_groups(list(readings))]
+    whole = [g for g in groups if clues.sensor and len(g) == clues.sensor.strips]
+    others = {*readings}.difference(*whole)
+    if (
+        len(whole) != 1
+        or clues.expected != ("out",)
+        or any(len({*clues.table.column(n)}) > 1 for n in others)
+    ):
+        return readings
+    return {n: m for n, m in readings.items() if n in whole[0]}
+
+
 def ends_of_columns(
     clues: Clues, readings: dict[str, Meaning], which: str, left: list[str]
 ) -> tuple[dict[str, str], bool]:
     """Return column -> what it is, and whether the readings must tell the ends (`ends_of`)."""
+    readings = _without_states(clues, readings)
     kinds = {m.channel for m in readings.values()}
     per_strip = Counter(m.strip for m in readings.values())
     expected = clues.expected or (("h", "l") if kinds & {"h", "l"} or len(kinds) == 2 or which else ("out",))

@@ -20,15 +20,17 @@ _DAY_NAMED = r"(?:(?:[A-Z][a-z]{2},? )?[A-Z][a-z]{2} [ \d]\d )?"  # as "Sun Nov 
 _HOST = re.compile(r"[\w.-]+ [\w./-]+(?:\[\d+\])?: ")  # behind the time of a system's journal
 # Such as "14:03:07.512 -> ", which the serial monitor of the Arduino IDE puts before each line, or "[14:03:07] ".
 _STAMPED = re.compile(
-    rf"\s*\[?{_DAY_NAMED}(?P<stamp>{STAMP})(?: \d{{4}}(?=\]))?\]?"
+    rf"\s*\[?{_DAY_NAMED}(?P<stamp>{STAMP})(?: \d{{4}}(?=\])|,\d{{3}}(?=\]))?\]?"
     r"(?!\s*[AaPp]\.?[Mm]\b)\s*(?:->|=>|>|\||:|\t|\s)\s*(?=\S)"
 )
 _LEVELS = (
-    r"[\[(]?(?:TRACE|DEBUG|DBG|VERBOSE|INFO|INF|NOTICE|LOG|WARN|WARNING|WRN|ERROR|ERR|FATAL|CRITICAL)[\])]?"
+    r"(?:<(?:dbg|inf|wrn|err)>"
+    r"|[\[(]?(?:TRACE|DEBUG|DBG|VERBOSE|INFO|INF|NOTICE|LOG|WARN|WARNING|WRN|ERROR|ERR|FATAL|CRITICAL)[\])]?)"
 )
 _LEVEL = re.compile(rf"{_LEVELS}[\s:|-]\s*")
 _LEVEL_FIRST = re.compile(rf"\A\s*{_LEVELS}\s*[:|-]?\s*(?=[\[(\d])")  # before a time, as ROS writes
 _NODE = re.compile(r"\[[A-Za-z][\w./-]*\]:?\s+(?:-\s+)?")
+_TAG = re.compile(r"[A-Za-z][\w.-]*:\s+(?=\S)")  # of the part of a program that writes
 # Such as "[001200] " or "I (1200) ".
 _COUNTED = re.compile(r"\s*(?:[A-Z]\s)?[\[(]\s*(?P<stamp>\d+(?:\.\d+)?)\s*[\])]:?\s*(?=\S)")
 _BETWEEN = r"[,;|\s]+"
@@ -69,15 +71,22 @@ def without_stamps(lines: Lines) -> tuple[Lines, dict[int, str]]:
     if falls > (1.0 - STEADY) * len(counts) or (falls and max(c or 0.0 for c in counts) < len(counts)):
         return levelled, {}  # numbers of strips
     rest = [(i, line[m.end() :] if m else line) for (i, line), m in zip(lines, found, strict=True)]
-    for prefix in (_HOST, _LEVEL, _NODE):
-        before = [prefix.match(line) for _, line in rest]
-        if all(before) and (prefix is _LEVEL or len({m.group() for m in before if m}) == 1):
-            rest = [(i, line[m.end() :]) for (i, line), m in zip(rest, before, strict=True) if m]
+    for prefix in (_HOST, _LEVEL, _NODE, _TAG):
+        before = [m.group() if (m := prefix.match(line)) else "" for _, line in rest]
+        usual, many = Counter(b.strip() for b in before if b).most_common(1)[0] if any(before) else ("", 0)
+        before = [b if prefix is _LEVEL or b.strip() == usual else "" for b in before]
+        told = prefix is _TAG and bool(meaning(usual).role)  # as in "strip: 3"
+        if max(many, sum(map(bool, before))) > STEADY * len(rest) and not told:
+            rest = [(i, line.removeprefix(b)) for (i, line), b in zip(rest, before, strict=True)]
     return [(i, line) for i, line in rest if line.strip()], stamps
 
 
-def _as_wide(line: str, other: str) -> bool:
-    return any(len(line.split(by)) == len(other.split(by)) > 2 for by in ("\t", "|", None))
+def _as_wide(names: str, other: str) -> bool:
+    """Return whether a line may name the fields of another: as many, none twice."""
+    return any(
+        len(names.split(by)) == len({*names.split(by)}) == len(other.split(by)) > 2
+        for by in ("\t", "|", None)
+    )
 
 
 def _is_typed(line: str) -> bool:

@@ -106,6 +106,11 @@ def _shared(parsed: list[tuple[int, list[Item]]], stamps: Mapping[int, str]) -> 
     return stamps if are_of_one_time(times, keys) else {}
 
 
+def _names_values(fields: Mapping[str, str]) -> bool:
+    """Return whether a line names something else than which scan and strip it is of."""
+    return any(name != _NAMELESS and meaning(name).role not in LABELS for name in fields)
+
+
 def _cut_labels(parsed: list[tuple[int, list[Item]]]) -> frozenset[int]:
     """Return the few lines that only name a strip, where nearly all that name one hold its values, too."""
     roles = {i: [meaning(name).role for name in _fields(found)] for i, found in parsed}
@@ -209,12 +214,20 @@ class _Gathering:
 
     def _read(self) -> None:
         torn, starts = _cut_labels(self.parsed), _first_letters(self.texts)
+        numbered = any(
+            _names_values(_fields(found)) and _NAMELESS in _fields(found) for _, found in self.parsed
+        )
         for number, found in self.parsed:
             text = self.texts[number]
             if number in torn:
                 self.strange.append(number)
             elif any(i.told or i.name for i in found):
-                self._take(number, _fields(found))
+                fields = _fields(found)
+                if (
+                    numbered and not _names_values(fields) and len(fields) > 1
+                ):  # how many, as "scan 5: 4 touched"
+                    fields.pop(_NAMELESS, None)
+                self._take(number, fields)
             elif not self.records and not self._record:
                 self.above.append(number)
             elif found or re.search(r"\d", text) or text.strip() in starts:

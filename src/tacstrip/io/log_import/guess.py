@@ -24,6 +24,8 @@ from tacstrip.io.log_import.doubts import backwards, raise_doubts
 from tacstrip.io.log_import.ends import above, ends_exchanged, noise
 from tacstrip.io.log_import.fields import STAMP, is_garbled, number_of, says_nothing
 from tacstrip.io.log_import.mapping import STRIP_ORDERS, ColumnMapping
+from tacstrip.io.log_import.middles import doubt_middles, with_ends_of_middles
+from tacstrip.io.log_import.named_strips import with_named_strips_as_rows
 from tacstrip.io.log_import.names import CLOCKS, IN_VOLTS, is_strip_word, meaning, meanings
 from tacstrip.io.log_import.neighbours import order_of_neighbours
 from tacstrip.io.log_import.others import drop_others
@@ -37,6 +39,7 @@ from tacstrip.io.log_import.questions import (
 )
 from tacstrip.io.log_import.scans import (
     LogScan,
+    inputs_read,
     is_newest_first,
     is_unsorted,
     raw_times,
@@ -307,6 +310,15 @@ def _assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
             f"missing {' and '.join(map(repr, lacking))}, the last? Else write in what is, or take its name out",
             "skip",
         )  # fmt: skip
+    if clues.expected != ("out",) and not {*clues.answers} & {*clues.table.names}:
+        clues.table, doubt = with_ends_of_middles(clues.table)
+        clues.doubt(doubt)
+        if (
+            clues.sensor
+            and (long := with_named_strips_as_rows(clues.table, clues.sensor.strips)) != clues.table
+        ):
+            clues.because(long.remarks[-1])
+            clues.table = long
     try:
         found = find_columns(clues)
     except Unanswered:
@@ -509,6 +521,7 @@ def _with_ends(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list
         chosen_columns = swapped if above(low, high) else columns
         name = next(n for n, what in chosen_columns.items() if what.endswith("h"))
         clues.because(f"{name}: v_h, for it is the larger on every strip, as k_h must be")
+        doubt_middles(clues, list(columns)[:2], *((low, high) if above(low, high) else (high, low)))
         return replace(mapping, columns=chosen_columns)
     answer = clues.choice("exchanged", ("yes", "no"))
     if not mapping.which and not answer and above(low, high):
@@ -530,6 +543,8 @@ def _strips(clues: Clues, found: Columns) -> tuple[int, int]:
         shown = ColumnMapping(columns=found.readings, unit="V", strips=1, strip=found.strip)
         many_lines = Counter(strip_numbers(clues.table, shown))
         there, all_listed = set(many_lines), len(set(many_lines.values())) == 1
+        if count and len(there) > count:
+            return _of_more_inputs(clues, found, there, count), count
     else:
         there, all_listed = {int(what.partition(":")[0]) for what in found.readings.values()}, True
     low, high = min(there), max(there)
@@ -552,6 +567,37 @@ def _strips(clues: Clues, found: Columns) -> tuple[int, int]:
     return int(base), count or high - int(base) + 1
 
 
+def _too_many(clues: Clues, found: Columns, low: int, high: int, count: int) -> NoTableError:
+    return NoTableError(
+        f"strips are numbered {low} to {high}, and the sensor has {count}{_where(clues, found, high)}; check strips in "
+        "the spec, or say which column is the strip's number: --answer NAME=strip, and NAME=skip of others (they are: "
+        f"{', '.join(clues.table.names[:8])})"
+    )
+
+
+def _of_more_inputs(clues: Clues, found: Columns, there: set[int], count: int) -> int:
+    """Return the number of the first strip where lines are of more inputs than strips, some of which are never read."""
+    read = {int(v) for v in inputs_read(clues.table, found.strip, [*found.readings]) if v is not None}
+    low, high = min(there), max(there)
+    fits = [b for b in range(low, high - count + 2) if not read or b <= min(read) <= max(read) < b + count]
+    if not fits:
+        raise _too_many(clues, found, low, high, count)
+    base = clues.number("strip_base")
+    if base is not None and base not in fits:
+        raise OptionError(
+            f"--answer strip_base={base:g}: only from {fits[0]} to {fits[-1]} are all readings of strips"
+        )
+    if base is None and len(fits) > 1:
+        clues.ask(
+            "strip_base",
+            f"{found.strip} has {len(there)} numbers, {low} to {high}, and the sensor has {count} strips: which is the "
+            "first strip? (Others are taken as not connected; none has a reading)", *map(str, fits),
+        )  # fmt: skip
+    if low < fits[0]:
+        clues.because(f"{found.strip}: inputs without a reading are taken as not connected")
+    return int(fits[0] if base is None else base)
+
+
 def _base(
     clues: Clues, found: Columns, there: set[int], count: int, all_listed: bool
 ) -> tuple[int, int | None]:
@@ -561,11 +607,7 @@ def _base(
     if count and len(there) == count == high - low + 1:  # such as pins A2 to A7
         fits = [low]
     if count and not fits:
-        raise NoTableError(
-            f"strips are numbered {low} to {high}, and the sensor has {count}{_where(clues, found, high)}; check "
-            "strips in the spec, or say which column is the strip's number: --answer NAME=strip, and NAME=skip of "
-            f"others (they are: {', '.join(clues.table.names[:8])})"
-        )
+        raise _too_many(clues, found, low, high, count)
     if low in fits and (len(there) == count if count and len(fits) > 1 else all_listed or low == 0):
         return low, None
     if len(fits) == 1:

@@ -18,11 +18,13 @@ def seconds_of(unit: str) -> float:
 
     Examples
     --------
-    >>> seconds_of("ms"), seconds_of("2.5ms"), seconds_of("2.5")
-    (0.001, 0.0025, nan)
+    >>> seconds_of("ms"), seconds_of("2.5ms"), seconds_of("1/1024s"), seconds_of("2.5")
+    (0.001, 0.0025, 0.0009765625, nan)
     """
     tick = _TICKS.fullmatch(unit)
-    return float(tick[1]) * TIME_UNITS[tick[2]] if tick else TIME_UNITS.get(unit, float("nan"))
+    if not tick:
+        return TIME_UNITS.get(unit, float("nan"))
+    return float(tick[1]) / float(tick[2] or 1.0) * TIME_UNITS[tick[3]]
 
 
 def _words(kind: str) -> frozenset[str]:
@@ -98,7 +100,7 @@ _LAST = frozenset(UNITS) - {
 _ANY = _HIGH | _LOW | _OUT | _ONE_OF_PAIR | _VALUE | _STRIP | _BESIDE | frozenset(UNITS)
 _KNOWN = _ANY | _TIME | _SCAN | _WHICH
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "days": 86400.0}
-_TICKS = re.compile(rf"(\d+(?:\.\d+)?)\s?({'|'.join(TIME_UNITS)})")
+_TICKS = re.compile(rf"(\d+(?:\.\d+)?)(?:/([1-9]\d*))?\s?({'|'.join(TIME_UNITS)})")
 CLOCKS = ("clock", "hh:mm", "mm:ss")  # of times of day and dates; of 14:05, which of both it is
 READING_UNITS = ("V", "mV", "uV", "code", "fraction", "percent", "permille", "cV", "dV")
 CHANNELS = ("h", "l", "out")

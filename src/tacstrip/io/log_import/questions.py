@@ -151,7 +151,7 @@ class Clues:
 
     def doubt(self, text: str) -> None:
         """Note what may be meant otherwise, of what is read all the same; once."""
-        if text not in self.doubts:
+        if text and text not in self.doubts:
             self.doubts.append(text)
 
     def because(self, reason: str) -> None:

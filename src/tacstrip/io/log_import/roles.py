@@ -18,7 +18,7 @@ from tacstrip.io.log_import.contents import (
     rises_as_a_clock,
     rises_evenly,
 )
-from tacstrip.io.log_import.fields import clock_seconds, number_of
+from tacstrip.io.log_import.fields import clock_seconds, number_of, says_nothing
 from tacstrip.io.log_import.names import (
     LENGTHS_MM,
     TIME_UNITS,
@@ -28,10 +28,12 @@ from tacstrip.io.log_import.names import (
     unit_in,
 )
 from tacstrip.io.log_import.questions import Clues
+from tacstrip.io.log_import.scans import inputs_read
 from tacstrip.io.log_import.table import CLOCK, ROW
 
 # So far, and s, two clocks may differ, of which one is read when a line has come.
 _AS_LONG, _LATE_S = 0.25, 0.1
+_CYCLES = 3  # of all inputs
 _OFTEN = 10  # times that a number of a unit of time rises, if not evenly
 _ON_PITCH = 0.02  # of the pitch
 
@@ -219,7 +221,26 @@ def strip_column(clues: Clues, known: dict[str, Meaning], which: str, wide: list
         if unknown and strips > 1 and comes_again(clues.values(name)) and len(set(fields)) == strips:
             clues.because(f"{name}: {strips} whole numbers that come again and again, as many as strips")
             return name, 0.0
+        if (
+            unknown
+            and strips > 1
+            and comes_again(clues.values(name))
+            and _are_inputs(clues, name, len(set(fields)))
+        ):
+            clues.because(
+                f"{name}: whole numbers that come again and again, of which some never have a reading"
+            )
+            return name, 0.0
     return "", 0.0
+
+
+def _are_inputs(clues: Clues, name: str, many: int) -> bool:
+    """Return whether `many` numbers are more than strips, and columns that are empty at times are so for the others."""
+    some = [n for n in clues.table.names if n != name and any(map(says_nothing, clues.table.column(n)))]
+    read = [v for v in inputs_read(clues.table, name, some) if v is not None]
+    strips = clues.sensor.strips if clues.sensor else 0
+    again = len(clues.table.rows) > _CYCLES * many  # else it may count the scans
+    return strips < many and again and bool(read) and max(read) - min(read) < strips
 
 
 def _may_number_strips(clues: Clues, name: str) -> bool:

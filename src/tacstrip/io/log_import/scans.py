@@ -27,6 +27,7 @@ _FEW_CYCLES = 3  # of all strips in their turn
 _FEW_STEPS = 2  # of a time that falls: fewer may be a clock that begins anew
 _FEW_SCANS = 4  # of fewer, equal times tell nothing
 _LONG_AGO = 1e8  # of any unit: a time that does not count from the log's start
+_HEADED = 0.9  # of the scans: so many have a line above their rows that is none
 _A_PERIOD = 0.97  # of the time from scan to scan: lines of one scan, each with its own time, are less apart
 _ON_PLACE = 0.05  # of the pitch: so near a strip's place is its position
 _EXPONENT = re.compile(r"(?<=\d)[.,]\d+[eE][+-]?\d+\s*\Z")  # as numpy writes whole numbers, too
@@ -80,7 +81,7 @@ def scans(table: Table, mapping: ColumnMapping, dropped: list[int] | None = None
         raise ReadingError(
             f"line {table.absent} lacks a value that others have; if it is no contact, --answer missing=untouched"
         )
-    table = table.where(mapping.only)
+    table = _without_idle_inputs(table.where(mapping.only), mapping)
     _check_digits(table, mapping)
     sort = _oldest_first if is_newest_first(table, mapping) else _by_number
     table = _by_date(sort(table, mapping), mapping)
@@ -95,6 +96,24 @@ def scans(table: Table, mapping: ColumnMapping, dropped: list[int] | None = None
     if listed := mapping.order_of_strips("strip_order"):
         found = [replace(s, values=s.values[np.argsort(listed)]) for s in found]
     return in_turn(found, mapping.turn)
+
+
+def _without_idle_inputs(table: Table, mapping: ColumnMapping) -> Table:
+    """Return a table without the lines of inputs beyond the strips that never have a reading, where more are listed."""
+    if not mapping.strip or mapping.strip_names or mapping.strip_step:
+        return table
+    numbers = strip_numbers(table, mapping)
+    if len({*numbers}) <= mapping.strips:
+        return table
+    there = range(mapping.strip_base, mapping.strip_base + mapping.strips)
+    out = {*numbers} - {*there} - {*inputs_read(table, mapping.strip, [*mapping.columns])}
+    return table.of_rows(n for n, number in enumerate(numbers) if number not in out) if out else table
+
+
+def inputs_read(table: Table, strip: str, columns: Sequence[str]) -> set[float | None]:
+    """Return the numbers of inputs, in the column of the strip, of which some line has a reading."""
+    fields = zip(table.column(strip), *map(table.column, columns), strict=True)
+    return {number_of(number) for number, *read in fields if any(f and not says_nothing(f) for f in read)}
 
 
 def in_turn(scans: list[LogScan], turn: str) -> list[LogScan]:
@@ -321,6 +340,7 @@ def _scans(
     parts = [*itertools.pairwise([*begins, len(table.lines)])]
     backwards = not by_time and table.lines[0] > table.lines[-1]  # the newest stood first
     broken = _broken_beside(table, parts)
+    headings = frozenset() if backwards else _headings(table, parts)
     ended = np.inf if backwards else 0.0
     for count, (first, after) in enumerate(parts):
         time = float(times[first]) if times is not None else count / (mapping.rate_hz or np.inf)
@@ -339,6 +359,8 @@ def _scans(
                 seen[strip, end] = line
         until = table.lines[after] if after < len(table.lines) else 0.0 if backwards else np.inf
         low, high = (until, ended) if backwards else (ended, until)
+        if (above := scan.line - 1) in headings:
+            low = above
         lacks = (mapping.strip or mapping.which) and len(seen) < scan.values.size
         if lacks and (mapping.missing == "skip" or any(low < b < high for b in broken)):
             dropped.append(scan.line)
@@ -358,6 +380,13 @@ def _broken_beside(table: Table, parts: Sequence[tuple[int, int]]) -> list[int]:
         return []
     consecutive = max(every) - min(every) == len(every) - 1
     return [b for b in table.broken if not (consecutive and b > max(every) + 1)]
+
+
+def _headings(table: Table, parts: Sequence[tuple[int, int]]) -> frozenset[int]:
+    """Return the lines above scans that are no rows, if nearly all have one: nothing above them is of a scan below."""
+    rows = {*table.lines, *table.broken}
+    above = [line - 1 for first, _ in parts if (line := table.lines[first]) - 1 not in rows]
+    return frozenset(above) if len(above) >= _HEADED * len(parts) else frozenset()
 
 
 def _begins(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Sequence
 from dataclasses import replace
@@ -80,7 +81,8 @@ def separated(lines: list[tuple[int, str]], blank: set[int], path: str | Path) -
     )
     ends = min((len(row) - filled_fields(row) for _, row in split if len(row) == width), default=0)
     if ends and any(
-        len(fields_of(line.lstrip("#%/! \t"), separator)) == width - ends > 1 for _, line in comments
+        len(fields_of(line.lstrip("#%/! \t"), separator)) == width - ends > 1 or _listed(line, width - ends)
+        for _, line in comments
     ):
         split = [(i, row[:-ends] if len(row) == width else row) for i, row in split]
         width -= ends
@@ -164,6 +166,8 @@ def _names_said(line: str, width: int, separator: str) -> str:
     "# fw 3 order: H0..H7 | L0..L7, 0 = open".
     """
     bare = line.lstrip("#%/! \t")
+    if in_json := _listed(line, width):
+        return (separator or " ").join(name.replace(" ", "_") for name in in_json)
     for shorter in (
         bare,
         _REMARKED.sub("", bare),
@@ -182,6 +186,29 @@ def _names_said(line: str, width: int, separator: str) -> str:
         ):
             return (separator or " ").join(p.replace(" ", "_") for p in parts)
     return "" if len(fields_of(bare, separator)) == width else bare
+
+
+def _listed(comment: str, width: int) -> list[str]:
+    r"""Return the first list of as many different texts in a comment that is JSON, as programs write headers; else [].
+
+    Examples
+    --------
+    >>> _listed('# {"dev 1": {"column": ["n", "A1", "A2"], "sensor": ["RAW", "RAW", "RAW"], "fs": 100}}', 3)
+    ['n', 'A1', 'A2']
+    """
+    try:
+        values = [json.loads(comment.lstrip("#%/! \t"))]
+    except (ValueError, RecursionError):
+        return []
+    while values:
+        value = values.pop(0)
+        if isinstance(value, dict):
+            values += value.values()
+        elif isinstance(value, list):
+            if len({v for v in value if isinstance(v, str)}) == len(value) == width > 1:
+                return value
+            values += value
+    return []
 
 
 def _in_full(m: re.Match[str]) -> str:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import re
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -35,6 +37,7 @@ _UNITS_COLUMN = re.compile(
     r"(?:\w+[ _.])?(?:units?|einheit(?:en)?|unit\u00e9s?|unidad|unit\u00e0)(?:[ _.]\w+)?", re.I
 )
 _PAIR = re.compile(r"[\[(<]?\s*(\S+?)(\s*[/|:;~&]\s*|\s+)(\S+?)\s*[\])>]?")  # of the two ends
+_FEW_PAIRED = 4  # rows or columns: of fewer, what is alike may be so by chance
 _FEW_KEYS, _SHOWN = 3, 5  # names of strips in a column; lines that are quoted
 _MOSTLY_ONCE = 0.9  # of the rows: so many times are those of one row each, where some may stand twice
 _FEW_BLANKS = 0.25  # of the rows: where more have no time, cells are merged
@@ -48,7 +51,8 @@ def in_normal_form(table: Table) -> Table:
     """
     steps: tuple[Callable[[Table], Table], ...] = (
         _without_empty, of_day_and_clock, of_one_clock, of_two_numbers, _spread, upright, _without_units,
-        _of_strips_only, _of_senders, _of_unit_column, _in_one_unit, _split_keys, _of_nothing, _filled, _without_index,
+        _of_halves, _held, _of_strips_only, _of_senders, _of_unit_column, _in_one_unit, _split_keys, _of_nothing,
+        _filled, _without_index,
     )  # fmt: skip
     for step in steps:
         table = step(table) if table.rows else table
@@ -60,6 +64,60 @@ def _without_empty(table: Table) -> Table:
     columns = {n: table.column(n) for n in table.names}
     kept = {n: f for n, f in columns.items() if any(f) or not re.fullmatch(r"column \d+", n)}
     return table.with_columns(kept) if table.named and 0 < len(kept) < len(columns) else table
+
+
+def _of_halves(table: Table) -> Table:
+    """Put the lines of one end, which all stand below those of the other, beside these, where all else is the same."""
+    half = len(table.rows) // 2
+    for place, name in enumerate(table.names):
+        words = [{row[place] for row in rows} for rows in (table.rows[:half], table.rows[half:])]
+        if [*map(len, words)] != [1, 1] or 2 * half != len(table.rows) or half < _FEW_PAIRED:
+            continue
+        first, second = (of.pop() for of in words)
+        apart = [
+            n for n in range(len(table.names))
+            if n != place and any(a[n] != b[n] for a, b in zip(table.rows[:half], table.rows[half:], strict=True))
+        ]  # fmt: skip
+        if {meaning(first).channel, meaning(second).channel} != {"h", "l"} or len(apart) != 1:
+            continue
+        kept = [n for n in range(len(table.names)) if n not in (place, *apart)]
+        named = table.names[apart[0]] if table.named else ""
+        rows = [
+            [*(a[n] for n in kept), a[apart[0]], b[apart[0]]]
+            for a, b in zip(table.rows[:half], table.rows[half:], strict=True)
+        ]
+        return replace(
+            table, names=(*(table.names[n] for n in kept), f"{named} {first}".strip(), f"{named} {second}".strip()),
+            rows=rows, lines=table.lines[:half],
+            remarks=(*table.remarks, f"{name}: all lines of {first}, and then those of {second}: put side by side"),
+        )  # fmt: skip
+    return table
+
+
+def _held(table: Table) -> Table:
+    """Fill what is empty with what stood there before, where only changes are written: no value ever stands twice.
+
+    So the first row is whole, and what comes again in it, which is no contact, is written where contacts end.
+    """
+    columns = {n: table.column(n) for n in table.names}
+    holes = {n: fields for n, fields in columns.items() if not all(fields) and any(fields[1:])}
+    if len(holes) < _FEW_PAIRED or not all(fields[0] for fields in holes.values()):
+        return table
+    written = {n: [f for f in fields if f] for n, fields in holes.items()}
+    common, many = Counter(fields[0] for fields in holes.values()).most_common(1)[0]
+    ends = sum(fields[1:].count(common) for fields in written.values())
+    if (
+        many < 2
+        or ends < 2
+        or any(a == b for fields in written.values() for a, b in itertools.pairwise(fields))
+    ):
+        return table
+    for n, fields in holes.items():
+        columns[n] = fields[:1]
+        for field in fields[1:]:
+            columns[n].append(field or columns[n][-1])
+    told = "empty fields are as the last one above them: none is written that is as before"
+    return replace(table.with_columns(columns), doubts=(*table.doubts, told))
 
 
 def _in_one_unit(table: Table) -> Table:

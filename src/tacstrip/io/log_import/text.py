@@ -17,7 +17,12 @@ from tacstrip.io.log_import.channel_names import (
     with_channel_names,
 )
 from tacstrip.io.log_import.conversion import resolutions
-from tacstrip.io.log_import.cut import with_cut_lines_doubted, without_cut_end, without_cut_units
+from tacstrip.io.log_import.cut import (
+    refuse_cut_array,
+    with_cut_lines_doubted,
+    without_cut_end,
+    without_cut_units,
+)
 from tacstrip.io.log_import.delimiters import of_sent, without_prefix
 from tacstrip.io.log_import.dialects import of_dialect
 from tacstrip.io.log_import.envelope import (
@@ -42,7 +47,7 @@ from tacstrip.io.log_import.strays import numbered, with_retries, without, witho
 from tacstrip.io.log_import.supply import other_supplies
 from tacstrip.io.log_import.table import Table
 from tacstrip.io.log_import.thousands import without_thousands
-from tacstrip.io.log_import.wrapped import unwrapped
+from tacstrip.io.log_import.wrapped import unwrapped, with_arrays_as_records
 
 _COMMENT = ("#", "%", "//", "!")
 _REMARK = re.compile(r"(;|!|//)\s*[^\s;].*")  # above a table
@@ -77,7 +82,8 @@ def of_text(text: str, path: str | Path = "the log") -> Table:
             f"{path}: line {text.count(chr(10), 0, endless.start()) + 1}: {len(endless.group())} characters and more "
             f"without an end ({endless.group()[:10]}...); damaged, or no log: take them out"
         )
-    text = _with_marks_of_nothing(_with_one_mark(unwrapped(_without_headers(text))))
+    text = _with_marks_of_nothing(_with_one_mark(unwrapped(with_arrays_as_records(_without_headers(text)))))
+    refuse_cut_array(text, path)
     table = with_retries(text, lambda strays: _with_lines(_announced(text, path, strays), text))
     return replace(table, of_content=lambda strips, channels: content_of(text, strips, channels))
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from tacstrip.arrays import FloatArray
 from tacstrip.errors import ReadingError
+from tacstrip.io.input_checks import unlikely_times
 from tacstrip.io.log_import.columns import Columns
 from tacstrip.io.log_import.contents import CLOCK_BITS
 from tacstrip.io.log_import.fields import clock_seconds, is_of_two, number_of
@@ -54,6 +55,11 @@ _RATE = re.compile(
 _RATE_NAMED = re.compile(
     r"(?<![^\W_])(?:f_?s|\w*rate|\w*(?:sampl|scan|acqui|abtast)\w*(?:[ _]\w+)?)"
     r"[ _]*[\[(]?(k?)hz[\])]?\s*[:=,;\t]\s*\"?([\d.,]+)",
+    re.IGNORECASE,
+)
+# As JSON says it, without a unit.
+_RATE_BARE = re.compile(
+    r"[\"'](f_?s|(?:sampl\w*|scan|acquisition)[ _]?(?:rate|frequency))[\"']\s*:\s*(\d+(?:\.\d+)?)(?=\s*[,}\]])",
     re.IGNORECASE,
 )
 _RATE_BEHIND = re.compile(
@@ -213,6 +219,8 @@ def settled_time(clues: Clues, mapping: ColumnMapping, rough: list[LogScan]) -> 
     if mapping.time_unit or len(rough) < 2:
         if "time_unit" not in clues.answers and step and not _POSSIBLE_S[0] <= step <= _POSSIBLE_S[1]:
             _ask_for_strange(clues, mapping, step)
+        elif "time_unit" not in clues.answers and mapping.time_unit == "s" and not rate:
+            clues.doubt(unlikely_times(mapping.time, np.array([s.time_s for s in rough])))
         return replace(mapping, time_unit=mapping.time_unit or "s")
     if rate and step:  # which tells the unit, or that the column is no time
         return _of_rate(clues, mapping, step, rate)
@@ -315,6 +323,7 @@ def _of_steps(clues: Clues, mapping: ColumnMapping, step: float, counts: bool) -
         "time_unit",
         f"{mapping.time} rises by {step:g} from scan to scan: in which unit?"
         + (f" ({strange!r} is none that is known: if it is none of these, write seconds)" if strange else "")
+        + (" (1/1024s: of a clock of 1024 Hz)" if _TICKS.search(mapping.time) else "")
         + (" (If it only counts the scans, --answer rate_hz=50 with their rate instead)" if counts else ""),
         *(fits or ("s", "ms", "us")),
     )
@@ -435,6 +444,7 @@ def _rates_above(clues: Clues) -> set[float]:
             *_RATE_BEHIND.findall(text),
             *_AT_RATE.findall(text),
             *(named[::-1] for named in _RATE_NAMED.findall(text)),
+            *((bare, "") for _, bare in _RATE_BARE.findall(text)),
         )
         if (value := number_of(digits.rstrip(".,"), "," if "," in digits else "."))
     }

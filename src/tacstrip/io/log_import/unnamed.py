@@ -68,13 +68,7 @@ def readings_by_contents(
     if len(left) > many[-1]:
         left = _without_flags(clues, left, 1)
     if len(left) in many and taken - {""}:
-        made = _DERIVED - ({"sum"} if conversion.summed(clues.table.preamble) else set())
-        if odd := [n for n in left if made & set(re.findall(r"[a-z]+", n.lower()))]:
-            clues.ask(
-                odd[0], f"{odd[0]!r} is called neither a reading nor an end of a strip: which is it? (A middle, a "
-                "width or a difference of two ends is no reading)", *(clues.expected or ("h", "l", "out")), "skip",
-            )  # fmt: skip
-            clues.stop()
+        _ask_for_derived(clues, left)
         clues.because(f"{' and '.join(left)}: the only numbers that are left, so they are the readings")
         channels = ("1", "2") if len(left) == 2 else ("",)
         return {n: Meaning("reading", c, unit=known[n].unit) for n, c in zip(left, channels, strict=True)}
@@ -88,6 +82,18 @@ def readings_by_contents(
         text = "or of this one"
     clues.stop()
     raise AssertionError
+
+
+def _ask_for_derived(clues: Clues, names: list[str]) -> None:
+    """Ask for the first column whose name says that it holds something made of readings."""
+    made = _DERIVED - ({"sum"} if conversion.summed(clues.table.preamble) else set())
+    odd = [n for n in names if made & set(re.findall(r"[a-z]+", n.lower()))]
+    if odd:
+        clues.ask(
+            odd[0], f"{odd[0]!r} is called neither a reading nor an end of a strip: which is it? (A middle, a width or "
+            "a difference of two ends is no reading)", *(clues.expected or ("h", "l", "out")), "skip",
+        )  # fmt: skip
+        clues.stop()
 
 
 def readings_by_words(clues: Clues, known: dict[str, Meaning], taken: set[str]) -> dict[str, Meaning]:
@@ -143,6 +149,8 @@ def readings_by_number(clues: Clues, known: dict[str, Meaning], taken: set[str])
         or len({*map(len, groups)}) != 1
     ):
         return {}
+    if len(groups) == 2:
+        _ask_for_derived(clues, [g[min(g)] for g in groups if g[min(g)] not in clues.answers])
     clues.because(f"{' and '.join(g[min(g)] for g in groups)}, ...: the only names that count as strips do")
     channels = ("1", "2") if len(groups) == 2 else ("",)
     return {

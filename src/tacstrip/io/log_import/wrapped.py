@@ -1,23 +1,69 @@
-"""Lines of a program that a logger has put into records of its own, one in each, beside the time."""
+"""Lines that stand within others: of a program in a logger's records, and of an array in a field between quotes."""
 
 from __future__ import annotations
 
+import csv
 import datetime as dt
+import io
 import json
 import re
 from collections.abc import Sequence
 from typing import Any
 
 from tacstrip.io.log_import.fields import clock_seconds, number_of
+from tacstrip.io.log_import.literals import literal
 from tacstrip.io.log_import.names import meaning
 from tacstrip.io.log_import.records import STEADY
 
 _TEXT = re.compile(r"_?(?:message|msg|log|line|text|body|payload|data|event)", re.IGNORECASE)
 _TIME = re.compile(r"time|date|(?:\b|_)ts\b", re.IGNORECASE)
 _OWN_TIME = re.compile(r"@?(?:time|timestamp|ts)", re.IGNORECASE)
+_ARRAY = re.compile(r"\s*(?:\w+\()?[\[(].*[\])]\s*", re.DOTALL)
+_BETWEEN_NUMBERS = re.compile(r"(?<=[\w.\])])\s+(?=[-+\w.\[(])")  # as NumPy prints an array
 _NUMBER = re.compile(r"\d+(?:\.\d+)?")
 # Seconds since 1970, or thousandths of one, or thousandths of these, ...
 _EPOCH, _STEPS, _PARTS = 1e9, 3, 1000.0
+
+
+def with_arrays_as_records(text: str) -> str:
+    r"""Return a CSV text whose quoted fields hold arrays, also over several lines, as JSON records; another as it is.
+
+    Each record stands where its row begins.
+
+    Examples
+    --------
+    >>> print(with_arrays_as_records('t,h\n0,"[2.5\n nan]"\n1,"[2.6 2.3]"').replace("\n", "|"))
+    |{"t": "0", "h": [2.5, null]}||{"t": "1", "h": [2.6, 2.3]}
+    """
+    mark = re.search(r"([,;\t])\"\s*(?:\w+\()?[\[(]", text)
+    if not mark:
+        return text
+    rows: list[tuple[int, list[str]]] = []
+    reader, last = csv.reader(io.StringIO(text), delimiter=mark[1]), 0
+    try:
+        for row in reader:
+            rows.append((last, row))
+            last = reader.line_num
+    except csv.Error:  # a field of more characters than any array has
+        return text
+    (_, names), *rest = [(n, row) for n, row in rows if any(row)] or [(0, [])]
+    names = [name or "index" for name in names]
+    whole = [row for _, row in rest if len(row) == len(names)]
+    arrays = [
+        n
+        for n in range(len(names))
+        if sum(bool(_ARRAY.fullmatch(row[n])) for row in whole) > STEADY * len(rest)
+    ]
+    if not arrays or len({*names}) < len(names) or any(number_of(name) is not None for name in names):
+        return text
+    lines = [""] * last
+    for n, row in rest:
+        values = {i: literal(_BETWEEN_NUMBERS.sub(", ", row[i])) for i in arrays if i < len(row)}
+        if len(row) != len(names) or any(not isinstance(v, list | tuple) for v in values.values()):
+            lines[n] = " ".join(" ".join(row).split())  # damaged
+            continue
+        lines[n] = json.dumps({name: values.get(i, row[i]) for i, name in enumerate(names)})
+    return "\n".join(lines)
 
 
 def unwrapped(text: str) -> str:
