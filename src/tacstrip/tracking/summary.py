@@ -141,7 +141,7 @@ class _Estimate:
     corners (V, 2) [mm] about their mean, as the first scan shows them, and their covariance (2 V, 2 V) [mm^2]; poses
     (T, 3) and their covariances `spreads` (T, 3, 3) in all scans, NaN where it is not seen. fit: in its own frame, from
     which `middle` and `angle` lead here. deviation: of channels' offsets [Vref] that are not ruled out. Times by which
-    deviations are larger: `wider` for errors that follow each other from scan to scan, `scale` for noise and kinks, too.
+    deviations are larger: `wider` for errors that hang together from scan to scan, `scale` for noise and kinks too.
     """
 
     fit: Fit
@@ -206,8 +206,9 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
     )
     joint = tuple(sorted({*one.joint, *(s for more in one.shared for s in more.joint)}))
     return Track(
-        0, estimate.corners, estimate.covariance, estimate.poses, estimate.spreads, np.empty(0), np.empty(0), status, said,
-        () if told else others, joint, _motion(fit), _offsets(one, read.skin), alone, unseen_corner_mm=unseen,
+        0, estimate.corners, estimate.covariance, estimate.poses, estimate.spreads, np.empty(0), np.empty(0),
+        status, said, () if told else others, joint, _motion(fit), _offsets(one, read.skin), alone,
+        unseen_corner_mm=unseen,
     )  # fmt: skip
 
 
