@@ -215,23 +215,18 @@ def second_look(
     if not np.isfinite(sum(readings.values())).any():
         return wrong, None  # no strip has both its ends: nothing tells pieces
     pieces = _pieces_of(run, sensor, readings, sigma)
-    if not pieces.apart and (nearest := fit_convex(problem, *fit.ends(problem.x))).explains:
+    apart = pieces.apart
+    ends = fit.ends(problem.x)
+    if not apart and (nearest := fit_convex(problem, *ends)).explains:
         if wrong and not like(outline, nearest, run, sensor):
             return wrong, None
         return "", _pair_at_the_ends(run, sensor, readings, sigma)
-    if wrong and (pieces.apart or not _follows(outline, pieces)):
+    if wrong and (apart or not _follows(outline, pieces)):
         more = f"; at least {pieces.count} convex pieces explain the readings"
         return wrong if one_object or pieces.count == 1 else wrong + more, None
+    jumps = [cut for _, cut in pieces.cuts if cut.kind != "corner"]
     pairs = _pair_of(run, pieces, inward_corners(fit)), _beside(run, sensor, readings, sigma)
     pair = max(filter(None, pairs), key=lambda pair: pair.probability, default=None)
-    return _concave_or_several(outline, pieces, pair, bool(wrong), one_object)
-
-
-def _concave_or_several(
-    outline: Outline, pieces: RunPieces, pair: Pair | None, wrong: bool, one_object: bool
-) -> tuple[str, Pair | None]:
-    """Return advice, or none, on an outline that convex pieces explain too, and the two objects that it may be."""
-    apart, jumps = pieces.apart, [cut for _, cut in pieces.cuts if cut.kind != "corner"]
     step = max((cut.rise for cut in jumps), default=0.0)
     jump = f"an end jumps by {step:.3g} mm from one strip to the next"
     at = jump if jumps else "a gap may hide in an inward corner"
