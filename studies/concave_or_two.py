@@ -16,7 +16,6 @@ than the pairs that make up the least 1 % (2 %, 4 %) do:
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
@@ -30,6 +29,7 @@ from studies.holdout.cases import Case
 from studies.holdout.convexity import best_convex
 from studies.holdout.score import LEAST_P
 from studies.holdout.shapes import CONCAVE, Array
+from studies.options import of_cases
 from tacstrip.arrays import BoolArray
 from tacstrip.reconstruction.contact_ends import closed_ends, end_deviations
 from tacstrip.reconstruction.pieces.run import noise_level
@@ -205,14 +205,7 @@ def table(count: int, seed: int) -> list[str]:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the table that the command line asks for."""
-    parser = argparse.ArgumentParser(
-        prog="python -m studies.concave_or_two",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("--cases", type=int, default=12000)
-    parser.add_argument("--seed", type=int, default=1)
-    asked = parser.parse_args(arguments)
+    asked = of_cases("studies.concave_or_two", __doc__, 12000).parse_args(arguments)
     print("\n".join(table(asked.cases, asked.seed)))  # noqa: T201
 
 

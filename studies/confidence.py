@@ -11,7 +11,6 @@ strips, of `studies.holdout.score --set convex --cases 600`, of each of these se
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -26,6 +25,7 @@ import tacstrip as ts
 from studies.holdout import cases as holdout
 from studies.holdout import shapes
 from studies.holdout.score import told_noise
+from studies.options import of_cases
 from studies.outlines import CONVEX, Case, case
 from studies.outlines import ONE as KINDS
 from tacstrip.arrays import FloatArray
@@ -207,13 +207,9 @@ def report(found: list[Judged]) -> str:
 
 def main() -> None:
     """Print the figures of the command line's cases."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = of_cases("studies.confidence", __doc__, 330)
     parser.add_argument("--signatures", default="one")
     parser.add_argument("--assessment", default="thorough", choices=("thorough", "fast"))
-    parser.add_argument("--cases", type=int, default=330)
-    parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--kinds", nargs="+", default=CONVEX, choices=KINDS)
     parser.add_argument("--strips", type=int, nargs=2, default=(12, 1000), help="touched, about: from, to")
     parser.add_argument("--area", action="store_true", help="tell it the area")

@@ -11,7 +11,6 @@ package trusts (`ok`) and is wrong: of those as near no rule can doubt one and t
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -24,6 +23,7 @@ from studies.holdout.cases import Case
 from studies.holdout.convexity import BestConvex, best_convex
 from studies.holdout.score import CLAIMS, RIGHT, best_object, told_noise
 from studies.holdout.shapes import CONCAVE, Array
+from studies.options import of_cases
 from tacstrip.reconstruction.posterior.assessment import Effort
 
 ONE = ("kh", "kl", "k")
@@ -139,9 +139,7 @@ def table(count: int, seed: int, effort: Effort = "thorough") -> list[str]:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the table that the command line asks for."""
-    parser = argparse.ArgumentParser(prog="python -m studies.convex_twins", description=__doc__)
-    parser.add_argument("--cases", type=int, default=200)
-    parser.add_argument("--seed", type=int, default=1)
+    parser = of_cases("studies.convex_twins", __doc__, 200)
     parser.add_argument("--assessment", default="thorough", choices=("thorough", "fast"))
     asked = parser.parse_args(arguments)
     print("\n".join(table(asked.cases, asked.seed, asked.assessment)))  # noqa: T201

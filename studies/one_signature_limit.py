@@ -15,7 +15,6 @@ posterior: what it said and what was, the true family's share, ranks of the true
 
 from __future__ import annotations
 
-import argparse
 import pickle
 import sys
 from collections.abc import Iterator
@@ -34,6 +33,7 @@ from studies.holdout import cases, shapes
 from studies.holdout.readings import Unit
 from studies.holdout.score import GOOD, RIGHT
 from studies.holdout.shapes import CONVEX, PLAIN
+from studies.options import of_cases
 from tacstrip.geometry.metrics import column_iou
 
 Array = npt.NDArray[np.float64]
@@ -597,11 +597,7 @@ def report(found: list[Judged]) -> str:
 
 def main() -> None:
     """Print the figures of the command line's cases."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--cases", type=int, default=60)
-    parser.add_argument("--seed", type=int, default=1)
+    parser = of_cases("studies.one_signature_limit", __doc__, 60)
     parser.add_argument("--rows", type=Path, help="where to keep what was found of each case")
     asked = parser.parse_args()
     found = []

@@ -5,7 +5,6 @@ Run: python -m studies.pieces --seed 0 (seeds of 1000 and above decide, and are 
 
 from __future__ import annotations
 
-import argparse
 import time
 
 import numpy as np
@@ -15,6 +14,7 @@ from scipy.optimize import linear_sum_assignment
 from shapely.affinity import translate
 
 import tacstrip as ts
+from studies.options import of_cases
 from tacstrip.arrays import FloatArray
 from tacstrip.plot.scene import draw_contact, draw_piece
 from tacstrip.plot.theme import OTHERS, RECOVERED, new_panels
@@ -164,10 +164,7 @@ def _radius(strips: int, count: int) -> tuple[float, float]:
 
 def main() -> None:
     """Print the table of docs/guide/several-objects.md."""
-    parser = argparse.ArgumentParser(prog="python -m studies.pieces", description=__doc__)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--cases", type=int, default=200)
-    asked = parser.parse_args()
+    asked = of_cases("studies.pieces", __doc__, 200, 0).parse_args()
     for strips in (100, 32, 10):
         for count in (1, 2, 3):
             print(score(asked.seed, strips, count, asked.cases), flush=True)  # noqa: T201

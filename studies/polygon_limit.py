@@ -12,7 +12,6 @@ probability.
 
 from __future__ import annotations
 
-import argparse
 import sys
 from dataclasses import dataclass
 from itertools import pairwise
@@ -25,6 +24,7 @@ import tacstrip as ts
 from studies.holdout import cases
 from studies.holdout.cases import Case
 from studies.one_signature_limit import silent
+from studies.options import of_cases
 from tacstrip.arrays import FloatArray
 from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.core.posterior import outline_record
@@ -157,10 +157,7 @@ def report(found: list[Judged]) -> str:
 
 def main() -> None:
     """Print the figures of the command line's contacts."""
-    parser = argparse.ArgumentParser(prog="python -m studies.polygon_limit", description=__doc__)
-    parser.add_argument("--cases", type=int, default=150)
-    parser.add_argument("--seed", type=int, default=1)
-    asked = parser.parse_args()
+    asked = of_cases("studies.polygon_limit", __doc__, 150).parse_args()
     random = np.random.default_rng(asked.seed)
     found = [judge(drawn(random, KINDS[i % len(KINDS)])) for i in range(asked.cases)]
     sys.stdout.write(report([f for f in found if f is not None]) + "\n")

@@ -10,7 +10,6 @@ only knowing beforehand which shapes are met would. Of the others, those whose n
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -20,6 +19,7 @@ from studies.holdout import cases
 from studies.holdout.cases import Case
 from studies.holdout.score import CLAIMS, RIGHT, best_object, fit, told_noise
 from studies.holdout.shapes import Array
+from studies.options import of_cases
 
 _ENOUGH_STRIPS, _ALARM = 12, 3.5
 
@@ -87,14 +87,7 @@ def table(count: int, seed: int) -> list[str]:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the table that the command line asks for."""
-    parser = argparse.ArgumentParser(
-        prog="python -m studies.rounded_twins",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("--cases", type=int, default=300)
-    parser.add_argument("--seed", type=int, default=1)
-    asked = parser.parse_args(arguments)
+    asked = of_cases("studies.rounded_twins", __doc__, 300).parse_args(arguments)
     print("\n".join(table(asked.cases, asked.seed)))  # noqa: T201
 
 

@@ -14,7 +14,6 @@ the last bit; if it overlaps the true one by less than `ok` promises, gaps that 
 
 from __future__ import annotations
 
-import argparse
 from collections import Counter
 from collections.abc import Sequence
 from functools import partial
@@ -30,6 +29,7 @@ from studies.holdout.cases import Case
 from studies.holdout.convexity import best_convex
 from studies.holdout.score import LEAST_P, RIGHT, SEVERAL, best_object, overlap, told_noise
 from studies.holdout.shapes import CONCAVE, Array
+from studies.options import of_cases
 from tacstrip.reconstruction.contact_ends import closed_ends, end_deviations
 from tacstrip.reconstruction.pieces.pair import Ends, likeliest_pair
 from tacstrip.reconstruction.pieces.run import GAP
@@ -153,10 +153,7 @@ def table(count: int, seed: int) -> list[str]:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the table that the command line asks for."""
-    parser = argparse.ArgumentParser(prog="python -m studies.several_limit", description=__doc__)
-    parser.add_argument("--cases", type=int, default=200)
-    parser.add_argument("--seed", type=int, default=1)
-    asked = parser.parse_args(arguments)
+    asked = of_cases("studies.several_limit", __doc__, 200).parse_args(arguments)
     print("\n".join(table(asked.cases, asked.seed)))  # noqa: T201
 
 

@@ -22,7 +22,6 @@ FAULTS = (
     "swapped-strips", "saturation", "drift", "wander", "intermittent", "hum", "noise", "pressure",
 )  # fmt: skip
 RECORDINGS = ("one press", "presses", "slow presses", "drag", "exercise", "fast", "few", "some strips")
-ONE_CHANNEL = ("dead", "stuck", "saturation", "intermittent")
 _NODES = 41  # of a strip in the network
 
 

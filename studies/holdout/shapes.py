@@ -65,7 +65,16 @@ def _draw(category: str, random: np.random.Generator) -> Array:
         return _draw(str(random.choice(PLAIN)), random)
     height = np.exp(random.uniform(-1.0, 0.7))
     turn = random.uniform(0.06, 0.5 * np.pi - 0.06)
-    rectangle = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, height), (0.0, height)])
+    of_family = _concave if category in CONCAVE else _waisted if category in WAISTED else _convex
+    return of_family(category, random, height, turn)
+
+
+def _rectangle(height: float) -> Array:
+    return np.array([(0.0, 0.0), (1.0, 0.0), (1.0, height), (0.0, height)])
+
+
+def _convex(category: str, random: np.random.Generator, height: float, turn: float) -> Array:
+    rectangle = _rectangle(height)
     match category:
         case "triangle":
             return random.normal(size=(3, 2))
@@ -93,6 +102,13 @@ def _draw(category: str, random: np.random.Generator) -> Array:
             angle = 2.0 * np.pi * np.arange(256) / 256
             height = 1.0 if category == "circle" else height
             return turned(np.column_stack([np.cos(angle), height * np.sin(angle)]), turn)
+        case _:
+            return _hull(random)
+
+
+def _concave(category: str, random: np.random.Generator, height: float, turn: float) -> Array:
+    rectangle = _rectangle(height)
+    match category:
         case "L":
             a, b = random.uniform(0.25, 0.65, 2)
             return turned(
@@ -109,34 +125,33 @@ def _draw(category: str, random: np.random.Generator) -> Array:
             at, deep = random.uniform(0.35, 0.65), random.uniform(0.3, 0.7)
             notch = [(at + 0.2, height), (at, (1.0 - deep) * height), (at - 0.2, height)]
             return turned(np.vstack([rectangle[:3], notch, rectangle[3:]]), 4.0 * turn)
-        case "hourglass":
-            deep = random.uniform(0.1, 0.45, 2) * height
-            (low, high), wide = random.uniform(0.3, 0.7, 2), random.uniform(0.1, 0.3, 2)
-            below = [(low - wide[0], 0.0), (low, deep[0]), (low + wide[0], 0.0)]
-            above = [(high + wide[1], height), (high, height - deep[1]), (high - wide[1], height)]
-            return turned(np.vstack([rectangle[:1], below, rectangle[1:3], above, rectangle[3:]]), 4.0 * turn)
-        case "joined":
-            first, second = (_draw(str(random.choice(PLAIN)), random) for _ in range(2))
-            second = second * random.uniform(0.5, 1.0) * np.ptp(first) / np.ptp(second)
-            along = turned(np.array([[1.0, 0.0]]), 4.0 * turn)[0]
-            off = (first @ along).max() - (second @ along).min() - random.uniform(0.02, 0.3) * np.ptp(first)
-            side = np.array([-along[1], along[0]])
-            off_side = (
-                (first @ side).mean() - (second @ side).mean() + random.uniform(-0.3, 0.3) * np.ptp(first)
-            )
-            both = [shapely.Polygon(o) for o in (first, second + off * along + off_side * side)]
-            whole = shapely.union_all([o.buffer(0.0) for o in both])
-            if whole.geom_type != "Polygon":
-                return _draw(category, random)
-            return np.array(whole.exterior.coords)[:-1]
-        case "crescent":
+        case _:
             disc, bite = (
                 shapely.Point(0, 0).buffer(1.0, 48),
                 shapely.Point(random.uniform(0.5, 0.9), 0).buffer(0.8, 48),
             )
             return turned(np.array(disc.difference(bite).exterior.coords)[:-1], 4.0 * turn)
-        case _:
-            return _hull(random)
+
+
+def _waisted(category: str, random: np.random.Generator, height: float, turn: float) -> Array:
+    if category == "hourglass":
+        deep = random.uniform(0.1, 0.45, 2) * height
+        (low, high), wide = random.uniform(0.3, 0.7, 2), random.uniform(0.1, 0.3, 2)
+        below = [(low - wide[0], 0.0), (low, deep[0]), (low + wide[0], 0.0)]
+        above = [(high + wide[1], height), (high, height - deep[1]), (high - wide[1], height)]
+        corners = _rectangle(height)
+        return turned(np.vstack([corners[:1], below, corners[1:3], above, corners[3:]]), 4.0 * turn)
+    first, second = (_draw(str(random.choice(PLAIN)), random) for _ in range(2))
+    second = second * random.uniform(0.5, 1.0) * np.ptp(first) / np.ptp(second)
+    along = turned(np.array([[1.0, 0.0]]), 4.0 * turn)[0]
+    off = (first @ along).max() - (second @ along).min() - random.uniform(0.02, 0.3) * np.ptp(first)
+    side = np.array([-along[1], along[0]])
+    off_side = (first @ side).mean() - (second @ side).mean() + random.uniform(-0.3, 0.3) * np.ptp(first)
+    both = [shapely.Polygon(o) for o in (first, second + off * along + off_side * side)]
+    whole = shapely.union_all([o.buffer(0.0) for o in both])
+    if whole.geom_type != "Polygon":
+        return _draw(category, random)
+    return np.array(whole.exterior.coords)[:-1]
 
 
 def _rounded(category: str, random: np.random.Generator) -> Array:

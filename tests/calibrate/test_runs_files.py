@@ -128,7 +128,7 @@ LINES = st.lists(st.lists(FIELD, min_size=4, max_size=7).map(",".join), max_size
 
 @settings(
     derandomize=True,
-    max_examples=200,
+    max_examples=80,
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )

@@ -133,13 +133,6 @@ def test_what_could_not_be_recovered_ends_with_1(folder: Path) -> None:
     assert feature["geometry"] is None
 
 
-def test_demo(tmp_path: Path) -> None:
-    done = _good(run(tmp_path, "demo", "--out", "made/here"))
-    assert "Synthetic readings" in done.stdout
-    assert (tmp_path / "made/here/demo.png").stat().st_size > 20_000
-    assert json.loads((tmp_path / "made/here/shape.geojson").read_text())["features"][0]["geometry"]
-
-
 def _write(name: str, data: str | bytes) -> tuple[str, bytes]:
     return name, data if isinstance(data, bytes) else data.encode()
 

@@ -72,19 +72,19 @@ def assert_as_shapely(sensor: Sensor, contact: Contact, clipped: bool = False) -
 # Areas.
 
 
-@settings(FIXED, max_examples=60)
+@settings(FIXED, max_examples=30)
 @given(areas((20.0, 20.0, 28.0, 60.0), convex=True))
 def test_convex_polygons(contact: Contact) -> None:
     assert_as_shapely(SENSOR, contact)
 
 
-@settings(FIXED, max_examples=60)
+@settings(FIXED, max_examples=30)
 @given(areas((16.0, 16.0, 32.0, 64.0)))
 def test_any_polygons(contact: Contact) -> None:
     assert_as_shapely(SENSOR, contact)
 
 
-@settings(FIXED, max_examples=150)
+@settings(FIXED, max_examples=60)
 @given(areas((14.0, 14.0, 34.0, 66.0), step=1.0))
 def test_polygons_with_corners_and_edges_on_centre_lines(contact: Contact) -> None:
     assert_as_shapely(SENSOR, contact)  # the centre lines are the odd whole numbers
@@ -172,7 +172,7 @@ def test_the_edge_of_a_hole_is_contact(hole: list[tuple[float, float]], pieces: 
     np.testing.assert_array_equal(touch.pieces[2:7], pieces)
 
 
-@settings(FIXED, max_examples=60)
+@settings(FIXED, max_examples=30)
 @given(st.integers(8, 15), st.integers(20, 30), st.integers(1, 4), st.integers(1, 9), st.integers(-4, 4))
 def test_holes_anywhere(x: int, y: int, width: int, height: int, slant: int) -> None:
     hole = [(x, y), (x + width, y + slant), (x + width, y + slant + height), (x, y + height)]
@@ -182,13 +182,13 @@ def test_holes_anywhere(x: int, y: int, width: int, height: int, slant: int) -> 
 # Lines and points touch the whole width of a strip.
 
 
-@settings(FIXED, max_examples=100)
+@settings(FIXED, max_examples=40)
 @given(st.lists(st.tuples(st.integers(1, 996), st.integers(1, 996)), min_size=2, max_size=6, unique=True))
 def test_lines(path: list[tuple[int, int]]) -> None:
     assert_as_shapely(SENSOR, Contact.line(np.array(path) / 997.0 * (48.0, 80.0)))
 
 
-@settings(FIXED, max_examples=60)
+@settings(FIXED, max_examples=30)
 @given(st.lists(st.tuples(st.integers(1, 996), st.integers(1, 996)), min_size=1, max_size=6))
 def test_points(points: list[tuple[int, int]]) -> None:
     assert_as_shapely(SENSOR, Contact.points(np.array(points) / 997.0 * (48.0, 80.0)))
@@ -245,7 +245,7 @@ def test_a_line_along_a_strip() -> None:
 # Off the sensor.
 
 
-@settings(FIXED, max_examples=100)
+@settings(FIXED, max_examples=40)
 @given(areas((-6.0, -10.0, 54.0, 90.0)))
 def test_what_sticks_out_is_clipped(contact: Contact) -> None:
     whole = shapely.GeometryCollection(list(contact.shapes))

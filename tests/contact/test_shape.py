@@ -142,7 +142,7 @@ def test_geojson_is_taken_apart(source: dict[str, Any], expected: list[str], as_
     assert [shapely.to_wkt(shape, trim=True) for shape in contact.shapes] == expected
 
 
-@settings(FIXED, max_examples=50)
+@settings(FIXED, max_examples=25)
 @given(areas((-50.0, -50.0, 50.0, 50.0)))
 def test_shapely_s_own_text_is_read_back(contact: Contact) -> None:
     whole = shapely.GeometryCollection(list(contact.shapes))
@@ -160,7 +160,7 @@ def test_moving_keeps_the_shape() -> None:
     assert moved == expected + Contact.points((6.0, -6.0))
 
 
-@settings(FIXED, max_examples=50)
+@settings(FIXED, max_examples=25)
 @given(areas((-50.0, -50.0, 50.0, 50.0)), st.floats(-500.0, 500.0), st.floats(-500.0, 500.0))
 def test_placing_puts_the_centroid_there(contact: Contact, x: float, y: float) -> None:
     placed = contact.placed(x, y)
@@ -176,7 +176,7 @@ def test_a_quarter_turn_is_counter_clockwise() -> None:
     np.testing.assert_allclose(shapely.get_coordinates(turned.shapes), [(1.0, 3.0), (1.0, 1.0)], atol=1e-15)
 
 
-@settings(FIXED, max_examples=50)
+@settings(FIXED, max_examples=25)
 @given(areas((-50.0, -50.0, 50.0, 50.0)), st.floats(-7.0, 7.0))
 def test_turning_is_about_the_centroid(contact: Contact, angle: float) -> None:
     turned = contact.turned(angle)
@@ -423,7 +423,7 @@ def mutated(draw: st.DrawFn, text: str, bits: list[str]) -> str:
     return text
 
 
-@settings(FIXED, max_examples=120)
+@settings(FIXED, max_examples=50)
 @given(
     st.one_of(
         texts(),
@@ -463,13 +463,13 @@ GEOMETRIES = st.recursive(
 GOOD_GEOJSON = json.dumps({"type": "FeatureCollection", "features": [feature(TRIANGLE), feature(TWO_LINES)]})
 
 
-@settings(FIXED, max_examples=120)
+@settings(FIXED, max_examples=50)
 @given(GEOMETRIES)
 def test_no_parsed_geojson_brings_another_error(source: Any) -> None:
     check(lambda: Contact.from_geojson(source))
 
 
-@settings(FIXED, max_examples=120)
+@settings(FIXED, max_examples=50)
 @given(
     st.one_of(
         texts(),

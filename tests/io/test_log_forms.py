@@ -797,7 +797,7 @@ _LOG_LIKE = st.text(alphabet="0123456789.,;:|=\t\n -#abchlmnostvAV_%[]{}\"'/>µ"
 @example("[1, [2, 3]")
 @example('{"t": 1}\n{"t": [2]}')
 @example("strip 1: H=\n")
-@settings(derandomize=True, max_examples=120, deadline=None)
+@settings(derandomize=True, max_examples=60, deadline=None)
 def test_parsers_take_any_text(text: str) -> None:
     for field in text.split():
         assert (quantity(field) or (0.0, ""))[0] == (number_of(field) or 0.0)

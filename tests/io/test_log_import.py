@@ -495,7 +495,7 @@ def test_a_data_frame_is_read_as_a_file_of_the_same_columns() -> None:
 
 
 @given(st.text(alphabet="0123456789.,;:|\t\n -#abhlstvV_%[]>", max_size=300))
-@settings(derandomize=True, max_examples=150, deadline=None)
+@settings(derandomize=True, max_examples=60, deadline=None)
 def test_any_text_gives_scans_a_question_or_a_clear_error(text: str) -> None:
     try:
         found = propose(of_text(text), RUBBER)
@@ -507,7 +507,7 @@ def test_any_text_gives_scans_a_question_or_a_clear_error(text: str) -> None:
 @given(
     st.lists(st.lists(st.one_of(st.none(), st.floats(0, 1)), min_size=5, max_size=5), min_size=2, max_size=4)
 )
-@settings(derandomize=True, max_examples=40, deadline=None)
+@settings(derandomize=True, max_examples=25, deadline=None)
 def test_a_table_in_our_own_form_comes_back_unchanged(values: list[list[float | None]]) -> None:
     rows = [
         [str(i), f"{0.1 * i:.1f}", str(s), "" if v is None else f"{v:.4f}"]

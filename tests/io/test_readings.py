@@ -43,7 +43,7 @@ def _read(folder: Path, text: str | bytes, sensor: ts.Sensor = CRS) -> list[ts.S
 )
 @settings(
     derandomize=True,
-    max_examples=60,
+    max_examples=30,
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
@@ -237,7 +237,7 @@ def test_missing_file(tmp_path: Path) -> None:
 )
 @settings(
     derandomize=True,
-    max_examples=300,
+    max_examples=100,
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )

@@ -25,7 +25,7 @@ IDS = ["equal kh", "equal kl", "metal k", "unequal kh", "unequal kl", "tube k"]
 
 @pytest.mark.parametrize(("sensor", "signature"), CASES, ids=IDS)
 @given(seed=st.integers(0, 10**9), corners=st.integers(3, 12))
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=25, deadline=None, derandomize=True)
 def test_vertices_come_back_without_noise(sensor: ts.Sensor, signature: str, seed: int, corners: int) -> None:
     polygon = convex_polygon(seed, corners)
     scan = ts.simulate(sensor, ts.Contact.polygon(polygon))
@@ -301,7 +301,7 @@ def test_a_scan_of_another_sensor_is_refused() -> None:
 
 
 @given(seed=st.integers(0, 10**9))
-@settings(max_examples=150, deadline=None, derandomize=True)
+@settings(max_examples=60, deadline=None, derandomize=True)
 def test_any_readings_give_a_shape_on_the_sensor_or_a_status(seed: int) -> None:
     random = np.random.default_rng(seed)
     sensor = ts.Sensor(construction="crs-m", strips=40, pitch_mm=2.0, length_mm=100.0)

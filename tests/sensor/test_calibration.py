@@ -82,7 +82,7 @@ def calibrations(draw: st.DrawFn, sensor: ts.Sensor) -> ts.Calibration:
 def test_toml_returns_every_calibration(sensor: ts.Sensor, tmp_path: Path) -> None:
     file = tmp_path / "calibrated.toml"
 
-    @settings(FIXED, max_examples=60)
+    @settings(FIXED, max_examples=25)
     @given(calibrations(sensor))
     def round_trip(calibration: ts.Calibration) -> None:
         whole = replace(sensor, calibration=calibration)
@@ -93,7 +93,7 @@ def test_toml_returns_every_calibration(sensor: ts.Sensor, tmp_path: Path) -> No
     round_trip()
 
 
-@settings(FIXED, max_examples=60)
+@settings(FIXED, max_examples=25)
 @given(calibrations(CRS), st.integers(0, 2**31))
 def test_correct_undoes_distort(calibration: ts.Calibration, seed: int) -> None:
     """Inside the scale, one by one, together, one scan and many; NaN stays."""
@@ -111,7 +111,7 @@ def test_correct_undoes_distort(calibration: ts.Calibration, seed: int) -> None:
         np.testing.assert_allclose(alone, values, atol=1e-12)
 
 
-@settings(FIXED, max_examples=60)
+@settings(FIXED, max_examples=25)
 @given(calibrations(METAL), st.lists(st.floats(-5.0, 5.0) | st.just(float("nan")), min_size=N, max_size=N))
 def test_results_stay_on_the_scale(calibration: ts.Calibration, values: list[float]) -> None:
     for k in (calibration.correct("k", values), calibration.distort("k", values)):
@@ -261,7 +261,7 @@ TABLES = st.dictionaries(
 )
 
 
-@settings(FIXED, max_examples=100)
+@settings(FIXED, max_examples=50)
 @given(JUNK | TABLES)
 def test_no_table_brings_another_error(table: Any) -> None:
     raw = {**tomllib.loads(CRS.to_toml()), "calibration": table}

@@ -205,7 +205,7 @@ def width_tolerance(w: float, contact_lambda: float, ideal_error: float) -> floa
     return float(min(2.0 * ideal_error / slope if slope else np.inf, cubic) + ideal_error)
 
 
-@settings(FIXED, max_examples=100)
+@settings(FIXED, max_examples=50)
 @given(spans(L), ratios(), LAMBDAS)
 def test_lower_and_width_invert_both_readings(
     span: tuple[float, float], ratio: float, contact_lambda: float
@@ -240,7 +240,7 @@ def test_noise_below_zero_width_is_not_clipped(contact_lambda: float) -> None:
     assert k_l(l, w, L, 1.0, contact_lambda) == pytest.approx(0.41, abs=ROUNDING)
 
 
-@settings(FIXED, max_examples=100)
+@settings(FIXED, max_examples=50)
 @given(spans(L, margin=0.01), LAMBDAS)
 def test_lower_from_width_inverts_metal(span: tuple[float, float], contact_lambda: float) -> None:
     l, w = span
@@ -248,7 +248,7 @@ def test_lower_from_width_inverts_metal(span: tuple[float, float], contact_lambd
     assert lower_from_width(k, at(w), L, contact_lambda) == pytest.approx(l, abs=1e-11)
 
 
-@settings(FIXED, max_examples=150)
+@settings(FIXED, max_examples=50)
 @given(spans(L, margin=0.01), LAMBDAS)
 def test_width_from_lower_inverts_metal(span: tuple[float, float], contact_lambda: float) -> None:
     l, w = span

@@ -330,7 +330,7 @@ VALUES = st.one_of(
 )
 
 
-@settings(FIXED, max_examples=300)
+@settings(FIXED, max_examples=100)
 @given(st.dictionaries(st.sampled_from(sorted(KEYS)) | texts(), VALUES))
 def test_no_dictionary_brings_another_error(raw: dict[str, Any]) -> None:
     try:
@@ -356,7 +356,7 @@ LITERALS = st.one_of(
 LINES = st.builds("{} = {}".format, st.sampled_from(sorted(KEYS)) | texts(max_size=5), LITERALS)
 
 
-@settings(FIXED, max_examples=100)
+@settings(FIXED, max_examples=50)
 @given(
     st.one_of(
         st.binary(),

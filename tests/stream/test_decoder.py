@@ -310,7 +310,7 @@ def test_ten_million_random_and_mutated_bytes(seed: int) -> None:
     survive(1_000_000, seed)
 
 
-@settings(derandomize=True, deadline=None, max_examples=200)
+@settings(derandomize=True, deadline=None, max_examples=80)
 @given(st.lists(st.one_of(st.binary(max_size=80), st.sampled_from([b"\0", *MESSAGES])), max_size=8))
 def test_any_bytes_are_taken(pieces: list[bytes]) -> None:
     decoder = Decoder()

@@ -159,7 +159,7 @@ def test_a_sound_clock_is_believed(clock: Clock, kind: str) -> None:
 @pytest.mark.parametrize("rate_hz", [2.0, 400.0])
 def test_a_sound_clock_is_believed_for_long(kind: str, rate_hz: float) -> None:
     """Up to a quarter of an hour each, in the clock alone; whatever came while the reader was away comes at once."""
-    for seed in range(2):
+    for seed in range(1 if kind in ("exact", "begins anew") else 2):  # where nothing is left to chance, once
         rng = np.random.default_rng(seed)
         stamp, late_s = HEALTHY[kind](rng)
         clock, now_s, number, last_s = DeviceClock(1.0 / rate_hz), 0.0, 0, -1.0

@@ -33,7 +33,7 @@ _REFERENCE = Path(__file__).parents[2] / "docs" / "reference"
 PAGE = "".join((_REFERENCE / f"{n}.md").read_text(encoding="utf-8") for n in ("protocol", "protocol-vectors"))
 VECTORS: list[dict[str, Any]] = [json.loads(t) for t in re.findall(r"```json\n(.*?)```", PAGE, re.DOTALL)]
 NAMES = [f"{v['what']} {i}" for i, v in enumerate(VECTORS)]
-FIXED = settings(derandomize=True, deadline=None, max_examples=100)
+FIXED = settings(derandomize=True, deadline=None, max_examples=40)
 
 
 def raw_scan(vector: dict[str, Any]) -> RawScan:

@@ -44,7 +44,7 @@ def test_places_on_a_tube() -> None:
     np.testing.assert_allclose(points, [(r, 0, 0), (0, r, 1), (-r, 0, 2), (0, -r, 3)], atol=1e-14)
 
 
-@settings(FIXED, max_examples=150)
+@settings(FIXED, max_examples=50)
 @given(sensors(), st.lists(st.floats(0.0, 1.0), min_size=1, max_size=5), st.floats(-2.0, 2.0))
 def test_space_returns_strip_and_y(sensor: Sensor, parts: list[float], y: float) -> None:
     strip = np.array(parts) * (sensor.strips - 1)  # from the first centre line to the last
@@ -56,7 +56,7 @@ def test_space_returns_strip_and_y(sensor: Sensor, parts: list[float], y: float)
     np.testing.assert_array_equal(back_y, y_mm)
 
 
-@settings(FIXED, max_examples=50)
+@settings(FIXED, max_examples=25)
 @given(sensors("cyl-crs-m", most_strips=500), st.floats(0.01, 100.0))
 def test_points_off_a_tube_are_taken_along_the_normal(sensor: Sensor, times: float) -> None:
     strip, y = np.linspace(0.0, sensor.strips - 1.0, 7), np.linspace(0.0, sensor.length_mm, 7)
@@ -105,7 +105,7 @@ def touched_in_every_turn(sensor: Sensor, depth: float) -> FloatArray:
     return np.asarray((r * np.cos(nearest) >= r - depth).sum(axis=1), dtype=float)
 
 
-@settings(FIXED, max_examples=150)
+@settings(FIXED, max_examples=50)
 @given(st.integers(4, 40), st.floats(0.05, 1.0), st.floats(0.0, 1.0))
 def test_strips_under_flat_are_those_counted(strips: int, strip_width: float, part: float) -> None:
     tube = covered(strips, strip_width)

@@ -63,11 +63,13 @@ def test_nothing_of_the_demo_is_cut_off(demo: Demo) -> None:
 
 
 def test_the_demo_tells_and_writes_what_it_recovered(tmp_path: Path) -> None:
-    done = CliRunner().invoke(cli, ["demo", "--out", str(tmp_path), "--format", "svg"])
+    out = tmp_path / "made" / "here"
+    done = CliRunner().invoke(cli, ["demo", "--out", str(out), "--format", "svg"])
     assert done.exit_code == 0, done.output
+    assert "Synthetic readings" in done.output
     assert "after     Polygon fit" in done.output
-    assert "<svg" in (tmp_path / "demo.svg").read_text(encoding="utf-8")
-    (shape,) = json.loads((tmp_path / "shape.geojson").read_text())["features"]
+    assert "<svg" in (out / "demo.svg").read_text(encoding="utf-8")
+    (shape,) = json.loads((out / "shape.geojson").read_text())["features"]
     assert len(shape["geometry"]["coordinates"][0]) == 5  # the rectangle's corners, the first again
 
 

@@ -201,16 +201,12 @@ def test_two_that_stay_beside_each_other_are_not_one_that_replaces_them() -> Non
     assert all(one.solved for one in score(scene, tracks))
 
 
-@pytest.mark.parametrize(
-    ("seed", "case"),
-    [
-        (11, 2),  # lone scans of the first prefer an outline 5 mm off that turns the other way
-        (60, 9),  # hidden for the most part, one may turn by 70 degrees more, but not as smoothly as alone
-    ],
-)
-def test_scans_with_another_about_decide_what_is_left_open(seed: int, case: int) -> None:
-    """Of ten strips lone scans and the least cost leave shapes and ways open."""
-    random = np.random.default_rng([seed, list(SETS).index("ten"), case])
+def test_scans_with_another_about_decide_what_is_left_open() -> None:
+    """Of ten strips lone scans and the least cost leave shapes and ways open.
+
+    Hidden for the most part, one may turn by 70 degrees more, but not as smoothly as alone.
+    """
+    random = np.random.default_rng([60, list(SETS).index("ten"), 9])
     scene = draw("ten", random)
     tracks = ts.track(scene.scans(random), scene.unit.sensor, NOISE)
     assert all(one.solved for one in score(scene, tracks))

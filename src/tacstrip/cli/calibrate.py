@@ -95,38 +95,24 @@ def command(
         click.echo(f"{output} written")
         return
     require_closed_form(spec)
-    accepted = True
+    use = f": use it in place of {sensor}"
     if data is not None:
-        runs = read_runs(data, spec, unit, force)
-        warn(half_read(data, spec, runs.signatures), unfinished(data))
-        warn(rest_hint(spec, runs.raw, pressed=True), file=data)
-        if model == "auto":
-            note("Comparing models; this may take some seconds")
-        result = calibrate_unit(spec, runs, model=model, unit=unit, force=force)
-        _show_result(result)
-        spec = result.sensor
+        result = _calibrated(data, spec, model, unit, force)
+        spec, runs = result.sensor, result.runs
         if touch is None and all(len(v) for v in runs.rest.values()):
             spec = learn_touch(spec, runs.rest, source=f"{timestamp()}, {runs.source}")
-        if report is not None:
-            from tacstrip.report.calibration import write_report
-
-            click.echo(f"{write_report(result, report)}: report")
-        if plot is not None:
-            from tacstrip.plot.calibrations import calibration
-            from tacstrip.plot.theme import save_axes
-
-            click.echo(f"{save_axes(calibration(result), plot)}: picture")
+        _write_pictures(result, report, plot)
         warn(result.advice)
-        accepted = result.status == "ok"
-        if not accepted and not force:
-            note(f"Not calibrated: {output} is written with --force only")
-            sys.exit(1)
+        if result.status != "ok":
+            if not force:
+                note(f"Not calibrated: {output} is written with --force only")
+                sys.exit(1)
+            use = ", but its constants are doubtful"
     if touch is not None:
         spec = learn_touch(spec, _raw(touch, spec), source=_source(touch))
     if spec.touch_volt is not None and spec.calibration is not None and spec.calibration.touch:
         _show_touch(spec)
     spec.save(output)
-    use = f": use it in place of {sensor}" if accepted else ", but its constants are doubtful"
     click.echo(f"{output} written{use}")
 
 
@@ -146,6 +132,30 @@ def _check_options(planned: bool, zeroed: bool, data: bool) -> None:
     options.belong(calibrates, "is of a calibration: give RUNS", "report", "plot", "force")
     options.belong(calibrates or planned, "is of a calibration: give RUNS, or --plan", "model", "unit")
     options.belong(not (planned or zeroed), "is a job of its own, or of a calibration: leave it out", "touch")
+
+
+def _calibrated(data: Path, spec: Sensor, model: str, unit: str, force: bool) -> Calibrated:
+    """Calibrate by the runs of a file, with warnings of what is odd in it, and show what was found."""
+    runs = read_runs(data, spec, unit, force)
+    warn(half_read(data, spec, runs.signatures), unfinished(data))
+    warn(rest_hint(spec, runs.raw, pressed=True), file=data)
+    if model == "auto":
+        note("Comparing models; this may take some seconds")
+    result = calibrate_unit(spec, runs, model=model, unit=unit, force=force)
+    _show_result(result)
+    return result
+
+
+def _write_pictures(result: Calibrated, report: Path | None, plot: Path | None) -> None:
+    if report is not None:
+        from tacstrip.report.calibration import write_report
+
+        click.echo(f"{write_report(result, report)}: report")
+    if plot is not None:
+        from tacstrip.plot.calibrations import calibration
+        from tacstrip.plot.theme import save_axes
+
+        click.echo(f"{save_axes(calibration(result), plot)}: picture")
 
 
 def _planned(

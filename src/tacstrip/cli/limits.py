@@ -140,14 +140,7 @@ def command(
         _show_map(over)
     click.echo(_BOUND)
     judged = _judged(spec, outline, noise, wanted_mm, area_percent, **design) if sought else None
-    if plot is not None and over is not None:
-        from tacstrip.plot.bounds import limits_figure
-        from tacstrip.plot.theme import save
-
-        click.echo(f"{save(limits_figure(spec, outline, found, over), plot)}: picture")
-    if output is not None:
-        write_text(output, json.dumps(_record(outline, found, over, judged), indent=1))
-        click.echo(f"{output}: numbers")
+    _write(plot, output, spec, outline, found, over, judged)
     reached = _reached(judged, wanted_mm, area_percent, outline) if judged is not None else []
     if placements is not None and (reached or not sought):
         _show_check(_coarsest(reached) or [spec], outline, noise, placements, (wanted_mm, area_percent))
@@ -406,6 +399,21 @@ def _show_designs(
     click.echo(
         "`fails` are of Harmon's requirements (table 2.1); surface and sensitivity are not in the model"
     )
+
+
+def _write(
+    plot: Path | None, output: Path | None, sensor: Sensor, outline: Outline, found: list[Limit], over: ErrorMap | None,
+    judged: list[Design] | None,
+) -> None:  # fmt: skip
+    """Write the picture and the numbers that were asked for; of a round outline there is no picture."""
+    if plot is not None and over is not None:
+        from tacstrip.plot.bounds import limits_figure
+        from tacstrip.plot.theme import save
+
+        click.echo(f"{save(limits_figure(sensor, outline, found, over), plot)}: picture")
+    if output is not None:
+        write_text(output, json.dumps(_record(outline, found, over, judged), indent=1))
+        click.echo(f"{output}: numbers")
 
 
 def _record(

@@ -113,11 +113,7 @@ def command(
     only = (name for name in _OF_METHODS if name != "assessment")
     options.belong(not layered, "is for a sensor of one layer", "known_object", *only)
     scans = _means(_touched(readings, spec), average, readings)
-    chosen = chosen_method(method or ("vertex" if options.given("transitions", "reading") else None), unit)
-    check_method("--method", chosen, unit, scans[0].signatures)
-    for name, methods in _OF_METHODS.items():
-        why = f"is for --method {' or '.join(methods)}; leave it out for {chosen}"
-        options.belong(chosen in methods, why, name)
+    chosen = _method(method, unit, scans[0])
     given["transitions"] = _transitions(given["transitions"])
     given["area_mm2"] = None if given["area_mm2"] is None else _area(given["area_mm2"])
     known = noise if options.given("quantisation", "positional") else None
@@ -135,24 +131,14 @@ def command(
         results = [reconstruct(scan, spec, known, method=chosen, **own) for scan in followed(used, "scans")]
     if not layered:
         results = doubt_strips(doubt_scale(results, used, unit), *astray, unit)
-    contact = read_contact(truth) if truth else None
-    if contact is not None and not any(shape.area > 0.0 for shape in contact.shapes):
-        raise OptionError(
-            f"--truth {truth}: holds no polygon to compare with; a line or a point has no outline"
-        )
-    if contact is not None:
-        warn(unlikely_contact(contact, unit), file=truth)
+    contact = _truth(truth, unit) if truth else None
     source = "" if chosen in _NOISELESS else options.noise_source(known, unit)
     around_mm = unit.width_mm if unit.closed else None
     _report(results, contact, around_mm, source)
     if not layered and known_object is None:
         _note_what_is_not_seen(results, unit)
     if output is not None:
-        if output.suffix.lower() == ".csv":
-            write_table(output, object_records(results, contact, around_mm=around_mm))
-        else:
-            write_geojson(output, results)
-        note(f"{output} written")
+        _write(output, results, contact, around_mm)
     if plot is not None:
         truths = [contact] if contact else []
         note(f"{save_picture(plot, spec, scans, {chosen: results}, truths)} written")
@@ -160,6 +146,16 @@ def command(
         click.echo(json.dumps(feature_collection(results), indent=1))
     if not any(o.found for r in results for o in r.objects):
         sys.exit(1)
+
+
+def _method(given: str | None, sensor: Sensor, scan: Scan) -> str:
+    """Return the method that was asked for, by name or by its options, once nothing speaks against it."""
+    chosen = chosen_method(given or ("vertex" if options.given("transitions", "reading") else None), sensor)
+    check_method("--method", chosen, sensor, scan.signatures)
+    for name, methods in _OF_METHODS.items():
+        why = f"is for --method {' or '.join(methods)}; leave it out for {chosen}"
+        options.belong(chosen in methods, why, name)
+    return chosen
 
 
 def _touched(readings: Path, spec: AnySensor) -> list[Scan]:
@@ -184,6 +180,27 @@ def _means(scans: list[Scan], average: int, readings: Path) -> list[Scan]:
     if average == 1:
         return scans
     return [Scan.mean(scans[i : i + average]) for i in range(0, len(scans) - average + 1, average)]
+
+
+def _truth(path: Path, sensor: Sensor) -> Contact:
+    """Return what touched, with a warning where that is unlikely."""
+    contact = read_contact(path)
+    if not any(shape.area > 0.0 for shape in contact.shapes):
+        raise OptionError(
+            f"--truth {path}: holds no polygon to compare with; a line or a point has no outline"
+        )
+    warn(unlikely_contact(contact, sensor), file=path)
+    return contact
+
+
+def _write(
+    output: Path, results: list[Reconstruction], truth: Contact | None, around_mm: float | None
+) -> None:
+    if output.suffix.lower() == ".csv":
+        write_table(output, object_records(results, truth, around_mm=around_mm))
+    else:
+        write_geojson(output, results)
+    note(f"{output} written")
 
 
 def _note_what_is_not_seen(results: list[Reconstruction], sensor: Sensor) -> None:

@@ -249,10 +249,7 @@ def _examined(part: Log, kinds: Set[str] = FAULTS.keys(), sought: Set[_Place] = 
     # Strips that nothing touches count as touched:
     at_rest = rest_hint(sensor, _touched_readings(part))
     comes_and_goes = geometric and not pressed and not at_rest and "intermittent" in kinds
-    as_read = replace(work, k={name: v.copy() for name, v in work.k.items()}, there=work.there.copy())
-    loose, doubted = _comes_and_goes(work) if comes_and_goes else ([], [])
-    if (loose or doubted) and any(out_of_order(places(as_read))):
-        work = as_read  # strips in each other's places come and go at a contact's ends
+    work, loose, doubted = _comes_and_goes(work) if comes_and_goes else (work, [], [])
     rows = places(work)
     tests = [] if pressed else list(_TESTS) if geometric else [never_touched, swapped_wires]
     tests = [t for t in tests if kinds & _TESTS[t] and not (ceiling and t is clipped)]
@@ -265,14 +262,11 @@ def _examined(part: Log, kinds: Set[str] = FAULTS.keys(), sought: Set[_Place] = 
         faulty = {i for f in removed for i in f.strips}
         removed += [f for f in single_ceilings(part, sigma) if not faulty & set(f.strips)]
     slow, settled = Drifts([], [], [], np.full(work.strips, np.inf)), set[_Place]()
-    if kinds & {"drift", "wander"}:
+    if not kinds.isdisjoint(_SLOW):
         slow, settled = _slow_changes(part, work, named, removed, doubted, sought)
-    settled |= {(fault, (i,)) for fault in _SLOW for i in slow.settled}
     humming, no_hum = hum(part, sigma) if "hum" in kinds else ([], "")
-    loud = {f.strips for f in humming}
+    noisy = _noise_beside_hum(noise, humming) if "noise" in kinds else []
     known = {i for f in removed for i in f.strips}
-    # Hum is noise, too.
-    noisy = [f for f in excess_noise(noise) if f.strips not in loud] if "noise" in kinds else []
     late = [f for f in (*slow.findings, *noisy) if not pressed and not known & set(f.strips)]
     findings = [*bits, *lifted, *reference, *ceiling, *removed, *humming, *late]
     asked = (
@@ -367,8 +361,14 @@ def _slow_changes(
             tied.append(pair)
     for suspect in tied:
         suspect.repair(timed)
-    of_strips = {i for fault, strips in sought if fault in ("drift", "wander") for i in strips}
-    return drift(part, timed, timed.time_s, of_strips), settled
+    slow = drift(part, timed, timed.time_s, {i for fault, strips in sought if fault in _SLOW for i in strips})
+    return slow, settled | {(fault, (i,)) for fault in _SLOW for i in slow.settled}
+
+
+def _noise_beside_hum(noise: NoiseEstimate, humming: list[Finding]) -> list[Finding]:
+    """Return channels that are too noisy; hum is noise, too, and is told already."""
+    loud = {f.strips for f in humming}
+    return [f for f in excess_noise(noise) if f.strips not in loud]
 
 
 def _without_strays(log: Log) -> Log:
@@ -386,13 +386,19 @@ def working_sigma(noise: NoiseEstimate) -> float:
     return sigma if noise.steady else min(sigma, _MOST_SIGMA)  # motion, for the most part
 
 
-def _comes_and_goes(work: WorkingCopy) -> tuple[list[Finding], list[Question]]:
-    """Return strips that are gone for a stretch, and those that drop out; each strip once."""
+def _comes_and_goes(work: WorkingCopy) -> tuple[WorkingCopy, list[Finding], list[Question]]:
+    """Return the copy without strips that are gone for a stretch or drop out, and these, each once.
+
+    The whole copy where strips read as if in each other's places: these come and go at a contact's ends.
+    """
+    as_read = replace(work, k={name: v.copy() for name, v in work.k.items()}, there=work.there.copy())
     gone, unsure = lost(work)
     named = {i for f in gone for i in f.strips} | {i for q in unsure for i in q.strips}
     loose, asked = intermittent(work)
-    loose = [f for f in loose if not named & set(f.strips)]
-    return [*gone, *loose], [*unsure, *(q for q in asked if not named & set(q.strips))]
+    found = [*gone, *(f for f in loose if not named & set(f.strips))]
+    doubted = [*unsure, *(q for q in asked if not named & set(q.strips))]
+    exchanged = (found or doubted) and any(out_of_order(places(as_read)))
+    return as_read if exchanged else work, found, doubted
 
 
 def _questions(rows: WorkingCopy, known: set[int], moving: Sequence[Question]) -> tuple[Question, ...]:

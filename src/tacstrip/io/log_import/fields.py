@@ -45,6 +45,7 @@ _WITHOUT_SECONDS = re.compile(
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 
 
+@lru_cache(maxsize=2**16)
 def says_nothing(text: str) -> bool:
     """Return whether a field says that nothing touches: empty, or a word such as "n/a" or "nan V".
 

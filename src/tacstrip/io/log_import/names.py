@@ -204,6 +204,11 @@ def meanings(names: Sequence[str]) -> dict[str, Meaning]:
     >>> [m.role for m in meanings(["h_mean", "h_min", "h_max"]).values()]
     ['reading', '', '']
     """
+    return dict(_meanings(tuple(names)))
+
+
+@lru_cache(maxsize=2**6)  # of one table they are asked for at every step
+def _meanings(names: tuple[str, ...]) -> dict[str, Meaning]:
     alike: dict[tuple[str, ...], list[str]] = {}
     for name in names:
         alike.setdefault(tuple(t for t in _tokens(name)[0] if t not in _STATISTICS), []).append(name)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import re
 import unicodedata
 from collections import Counter
@@ -48,9 +49,11 @@ def field_value(text: str, decimal: str, untouched: frozenset[str] = frozenset()
     if says_nothing(text) or text in untouched:
         return float("nan")
     value = number_of(text, decimal)
-    if value is None or not np.isfinite(value):
+    if value is None or not math.isfinite(value):
         raise ValueError(text)
     value -= zero
+    if not untouched:
+        return value
     bounds = [u for u in untouched if BOUND.fullmatch(u)]
     beyond = any(value < float(u[1:]) if u[0] == "<" else value > float(u[1:]) for u in bounds)
     return float("nan") if f"{value:g}" in untouched or beyond else value
