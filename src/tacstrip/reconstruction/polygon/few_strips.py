@@ -1,0 +1,69 @@
+"""How likely an outline that explains the readings of few strips is of something else: a concave object, or two.
+
+On few strips the ends of a cross, of a bean, or of two objects are often convex, or follow few corners, and then no
+test of the readings tells. What remains is how often that happens. The prior is that of four convex objects, one
+concave one and one pair (`PRIOR`), as elsewhere one object is taken to be four times as common as two; among drawn
+contacts weighed so, a logistic regression of outlines that were wrong gives the odds
+(`docs/decisions/2026-11-29-odds-of-few-strips.md`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from tacstrip.arrays import FloatArray
+from tacstrip.core.outline_model import OutlineModel
+from tacstrip.core.polygon_fit import PolygonFit
+from tacstrip.geometry.outline import Outline
+from tacstrip.reconstruction.polygon.convexity import explained_by_convex, inward_corners
+from tacstrip.reconstruction.polygon.run import RunFit
+from tacstrip.reconstruction.posterior.assessment import few_strips
+from tacstrip.sensor.spec import Sensor
+
+PRIOR = {"convex": 4.0, "concave": 1.0, "two objects": 1.0}
+# Log odds: of three strips; by the logarithm of strips but two; of a concave outline; by that of noise that nobody
+# gave, over so much of Vref; by that of the contact's height over its breadth, of the numbers fitted for each reading.
+_THREE, _BY_STRIPS, _CONCAVE, _BY_NOISE, _QUIET, _BY_PROPORTION = -3.48, -1.18, 3.6, 1.26, 0.004, 7.0
+_HIGHEST = 2.0  # height over breadth, beyond which it tells no more: bars lie along the strips, too
+
+
+def unlike_probability(
+    run: RunFit,
+    model: OutlineModel,
+    outline: Outline,
+    sensor: Sensor,
+    readings: Mapping[str, FloatArray],
+    distribution: str | None,
+    one_object: bool,
+) -> float:
+    """Return the probability that the readings of few strips are of what the outline is unlike; 0 of more strips.
+
+    The fewer strips there are, the more often ends are convex by chance. Of two objects that share strips one lies
+    above the other, so that both together are rather high; but few of them read as an outline of few corners does. A
+    concave outline is one of many that read alike; and noise that nobody gave may be jumps.
+
+    Parameters
+    ----------
+    run, model, outline
+        The fit of both signatures, and the outline that is given.
+    sensor, readings, distribution
+        Of the fit; the noise's distribution, None where its level was not given.
+    one_object
+        Whether it is known that there are no two.
+    """
+    if len(run.problem.k) == 1 or run.selection is None or not few_strips(run):
+        return 0.0
+    odds = _THREE + _BY_STRIPS * math.log(max(run.problem.x.size - 2, 1))
+    if isinstance(model, PolygonFit) and any(inward_corners(model)):
+        convex = explained_by_convex(run, distribution, outline, sensor, readings, np.zeros_like(run.excluded))
+        odds += _CONCAVE * (convex is None)
+    if distribution is None:
+        odds += _BY_NOISE * max(math.log(run.sigma / _QUIET), 0.0)
+    if not one_object:
+        width, height = outline.vertices.max(axis=0) - outline.vertices.min(axis=0)
+        fitted = 1.0 - max(run.freedom, 0) / run.problem.readings
+        odds += _BY_PROPORTION * fitted * math.log(min(max(float(height / width), 1.0), _HIGHEST))
+    return 1.0 / (1.0 + math.exp(-odds))
