@@ -2,7 +2,7 @@
 
 On few strips the ends of a cross, of a bean, or of two objects are often convex, or follow few corners, and then no
 test of the readings tells. What remains is how often that happens. The prior is that of four convex objects, one
-concave one and one pair (`PRIOR`), as elsewhere one object is taken to be four times as common as two; among drawn
+concave one and one pair, as elsewhere one object is taken to be four times as common as two; among drawn
 contacts weighed so, a logistic regression of outlines that were wrong gives the odds
 (`docs/decisions/2026-11-29-odds-of-few-strips.md`).
 """
@@ -14,20 +14,23 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from tacstrip.arrays import FloatArray
+from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.core.outline_model import OutlineModel
 from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.geometry.outline import Outline
 from tacstrip.reconstruction.polygon.convexity import explained_by_convex, inward_corners
+from tacstrip.reconstruction.polygon.lone_fault import at_a_rail
 from tacstrip.reconstruction.polygon.run import RunFit
 from tacstrip.reconstruction.posterior.assessment import few_strips
 from tacstrip.sensor.spec import Sensor
 
-PRIOR = {"convex": 4.0, "concave": 1.0, "two objects": 1.0}
 # Log odds: of three strips; by the logarithm of strips but two; of a concave outline; by that of noise that nobody
 # gave, over so much of Vref; by that of the contact's height over its breadth, of the numbers fitted for each reading.
 _THREE, _BY_STRIPS, _CONCAVE, _BY_NOISE, _QUIET, _BY_PROPORTION = -3.48, -1.18, 3.6, 1.26, 0.004, 7.0
 _HIGHEST = 2.0  # height over breadth, beyond which it tells no more: bars lie along the strips, too
+# Of a reading left out as a faulty channel's: log odds that it is none, where one scan in ten has such a channel, of
+# three strips, by the logarithm of strips but two, and where the reading has not been singled out.
+_NO_FAULT, _NO_FAULT_BY_STRIPS, _NOT_NAMED = 1.9, -2.6, 2.2
 
 
 def unlike_probability(
@@ -58,7 +61,9 @@ def unlike_probability(
         return 0.0
     odds = _THREE + _BY_STRIPS * math.log(max(run.problem.x.size - 2, 1))
     if isinstance(model, PolygonFit) and any(inward_corners(model)):
-        convex = explained_by_convex(run, distribution, outline, sensor, readings, np.zeros_like(run.excluded))
+        convex = explained_by_convex(
+            run, distribution, outline, sensor, readings, np.zeros_like(run.excluded)
+        )
         odds += _CONCAVE * (convex is None)
     if distribution is None:
         odds += _BY_NOISE * max(math.log(run.sigma / _QUIET), 0.0)
@@ -66,4 +71,20 @@ def unlike_probability(
         width, height = outline.vertices.max(axis=0) - outline.vertices.min(axis=0)
         fitted = 1.0 - max(run.freedom, 0) / run.problem.readings
         odds += _BY_PROPORTION * fitted * math.log(min(max(float(height / width), 1.0), _HIGHEST))
+    return 1.0 / (1.0 + math.exp(-odds))
+
+
+def no_fault_probability(
+    run: RunFit, left_out: BoolArray, faulty: BoolArray, readings: Mapping[str, FloatArray]
+) -> float:
+    """Return the probability that readings left out (2, n) are of a concave object or a second one; 0 of more strips.
+
+    The fewer strips there are, the more often all but one agree on a convex outline by chance. A reading at ground or
+    Vref shows its fault in itself. `faulty`: those that no contact makes which the others agree on.
+    """
+    off = left_out & ~at_a_rail(run, readings)
+    if len(run.problem.k) == 1 or not few_strips(run) or not off.any():
+        return 0.0
+    odds = _NO_FAULT + _NO_FAULT_BY_STRIPS * math.log(max(run.problem.x.size - 2, 1))
+    odds += _NOT_NAMED * bool((off & ~faulty).any())
     return 1.0 / (1.0 + math.exp(-odds))

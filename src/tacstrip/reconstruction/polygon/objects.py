@@ -23,6 +23,7 @@ from tacstrip.reconstruction.noise_covariance import (
 from tacstrip.reconstruction.pieces.pair import Pair
 from tacstrip.reconstruction.polygon.convexity import OneConvex
 from tacstrip.reconstruction.polygon.faulty_channel import contradictory
+from tacstrip.reconstruction.polygon.few_strips import no_fault_probability, unlike_probability
 from tacstrip.reconstruction.polygon.goodness_of_fit import (
     misfit,
     one_convex,
@@ -36,6 +37,7 @@ from tacstrip.reconstruction.polygon.status import (
     OTHERS,
     beside_pair,
     bridged,
+    doubts_of_few,
     enough_of,
     notes_of,
     other_area,
@@ -296,6 +298,13 @@ def _verdict(scan: Scan, asked: Asked, choice: _Choice, fit: PolygonFit) -> _Ver
             faulty = faulty | choice.beyond & at_a_rail(run, contact.readings)
     if faulty.any() and not wrong and bridged(contact, sensor, asked.around):
         wrong, confidence = _TWICE, None
+    if not wrong:
+        enough, _ = enough_of(run, effort, second)
+        wrong, of_few, confidence = doubts_of_few(
+            *_unlike(choice, asked, run.excluded if convex is None else faulty, faulty),
+            run.problem.x.size, confidence, enough, asked.one_object,
+        )  # fmt: skip
+        note = "; ".join(filter(None, (note, of_few)))
     notes = notes_of(scan, sensor, contact, asked.around, noise is not None, faulty, convex is not None)
     area_known = asked.area_mm2 is not None
     status, advice = status_of(
@@ -304,6 +313,18 @@ def _verdict(scan: Scan, asked: Asked, choice: _Choice, fit: PolygonFit) -> _Ver
     return _Verdict(
         status, "; ".join(filter(None, [*advice, note, *notes])), confidence, alternatives, faulty
     )
+
+
+def _unlike(choice: _Choice, asked: Asked, left_out: BoolArray, faulty: BoolArray) -> tuple[float, float]:
+    """Return the probabilities that so few strips read what the outline is unlike, and that no channel is faulty."""
+    run, readings, estimate = choice.contact.run, choice.contact.readings, choice.estimate
+    sound = no_fault_probability(run, left_out, faulty, readings)
+    if sound or choice.two:
+        return 0.0, sound
+    unlike = unlike_probability(
+        run, estimate.model, estimate.outline, asked.sensor, readings, asked.distribution, asked.one_object
+    )
+    return unlike, 0.0
 
 
 def _places(

@@ -43,6 +43,7 @@ OTHERS = (
     "noise"
 )
 _CONVEX = "taken for convex: one signature does not tell a notch or a gap"
+_TURN = "use finer strips, or slide or turn the contact and track it"
 _FEW = (
     f'; "ok" promises more, and from fewer than {ENOUGH_STRIPS} strips with one signature even outlines as sure as '
     "that are wrong in 1 of 10"
@@ -125,6 +126,39 @@ def two_objects(pair: Pair, right: bool, confidence: float) -> tuple[str, str]:
     if pair.probability < NOTED:
         return "", ""
     return "", told + ("; the outline holds either way" if right else "")
+
+
+def doubts_of_few(
+    unlike: float, sound: float, strips: int, confidence: float | None, enough: float, one_object: bool
+) -> tuple[str, str, float | None]:
+    """Return advice that doubts an outline of few strips, or a note, and the confidence that is left.
+
+    Parameters
+    ----------
+    unlike, sound
+        Probabilities that the strips read what the outline is unlike, and that a channel left out is not faulty.
+    strips
+        How many there are.
+    confidence
+        That the outline is right, if it is neither.
+    enough, one_object
+        The least confidence of an "ok"; whether it is known that there are no two.
+    """
+    other = max(unlike, sound)
+    if other < NOTED:
+        return "", "", None if confidence is None else (1.0 - other) * confidence
+    what = "a concave one" if one_object else "a concave one or two objects on the same strips"
+    probability = f"which it is with a probability of {other:.2g}"
+    told = f"{strips} strips hardly tell this outline from {what}, {probability}: {_TURN}"
+    if sound:
+        told = (
+            f"{strips} strips hardly tell a faulty channel, whose reading was left out, from {what}, {probability}: "
+            f"press elsewhere, or if the channel is faulty leave it out by name (--without)"
+        )
+    before = 1.0 if confidence is None else confidence
+    doubted = before >= enough > (1.0 - other) * before
+    left = None if confidence is None else (1.0 - other) * confidence
+    return (told, "", left) if doubted else ("", told, left)
 
 
 def status_of(

@@ -31,7 +31,7 @@ _EFFORTS = get_args(Effort)
 
 PROMISED_IOU = 0.8  # of an outline that is "ok" with the true one
 ENOUGH = 0.77  # confidence of the least certain "ok": all of them together are right in 95 of 100 cases
-ENOUGH_OF_FEW = 0.85  # with both signatures on fewer than `ENOUGH_STRIPS`: many are hardly surer
+ENOUGH_OF_FEW = 0.9  # with both signatures on fewer than `ENOUGH_STRIPS`: many are hardly surer
 # With one signature, where many are hardly surer than that.
 ENOUGH_OF_ONE: Mapping[Effort, float] = {"thorough": 0.76, "fast": 0.73}
 _EVALUATIONS = {"thorough": 300_000, "fast": 14_000}
