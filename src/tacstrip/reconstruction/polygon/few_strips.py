@@ -12,21 +12,21 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-import numpy as np
-
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.core.outline_model import OutlineModel
 from tacstrip.core.polygon_fit import PolygonFit
 from tacstrip.geometry.outline import Outline
-from tacstrip.reconstruction.polygon.convexity import explained_by_convex, inward_corners
+from tacstrip.reconstruction.polygon.chi_square import ALARM, squares_score
+from tacstrip.reconstruction.polygon.convexity import OneConvex, inward_corners
 from tacstrip.reconstruction.polygon.lone_fault import at_a_rail
 from tacstrip.reconstruction.polygon.run import RunFit
-from tacstrip.reconstruction.posterior.assessment import few_strips
-from tacstrip.sensor.spec import Sensor
+from tacstrip.reconstruction.posterior.assessment import HELD_STRIPS, few_strips
 
-# Log odds: of three strips; by the logarithm of strips but two; of a concave outline; by that of noise that nobody
-# gave, over so much of Vref; by that of the contact's height over its breadth, of the numbers fitted for each reading.
-_THREE, _BY_STRIPS, _CONCAVE, _BY_NOISE, _QUIET, _BY_PROPORTION = -3.48, -1.18, 3.6, 1.26, 0.004, 7.0
+# Log odds: of three strips; by the logarithm of strips but two; of a concave outline; of one that misses readings of
+# very few strips, though convex ends explain them; by the logarithm of noise that nobody gave, over so much of Vref; by
+# that of the contact's height over its breadth, of the numbers fitted for each reading.
+_THREE, _BY_STRIPS, _CONCAVE, _MISSED = -4.03, -0.88, 3.5, 1.2
+_BY_NOISE, _QUIET, _BY_PROPORTION = 1.3, 0.004, 7.2
 _HIGHEST = 2.0  # height over breadth, beyond which it tells no more: bars lie along the strips, too
 # Of a reading left out as a faulty channel's: log odds that it is none, where one scan in ten has such a channel, of
 # three strips, by the logarithm of strips but two, and where the reading has not been singled out.
@@ -37,9 +37,8 @@ def unlike_probability(
     run: RunFit,
     model: OutlineModel,
     outline: Outline,
-    sensor: Sensor,
-    readings: Mapping[str, FloatArray],
     distribution: str | None,
+    convex: OneConvex | None,
     one_object: bool,
 ) -> float:
     """Return the probability that the readings of few strips are of what the outline is unlike; 0 of more strips.
@@ -52,19 +51,20 @@ def unlike_probability(
     ----------
     run, model, outline
         The fit of both signatures, and the outline that is given.
-    sensor, readings, distribution
-        Of the fit; the noise's distribution, None where its level was not given.
+    distribution
+        Of the noise; None where its level was not given.
+    convex
+        One convex object that explains all readings, where the outline alone does not tell.
     one_object
         Whether it is known that there are no two.
     """
     if len(run.problem.k) == 1 or run.selection is None or not few_strips(run):
         return 0.0
     odds = _THREE + _BY_STRIPS * math.log(max(run.problem.x.size - 2, 1))
-    if isinstance(model, PolygonFit) and any(inward_corners(model)):
-        convex = explained_by_convex(
-            run, distribution, outline, sensor, readings, np.zeros_like(run.excluded)
-        )
-        odds += _CONCAVE * (convex is None)
+    if convex is None:
+        odds += _CONCAVE * (isinstance(model, PolygonFit) and any(inward_corners(model)))
+    elif run.problem.x.size < HELD_STRIPS:
+        odds += _MISSED * (squares_score(run.residual_sums[0], run.freedom) > ALARM)
     if distribution is None:
         odds += _BY_NOISE * max(math.log(run.sigma / _QUIET), 0.0)
     if not one_object:

@@ -317,12 +317,12 @@ def _verdict(scan: Scan, asked: Asked, choice: _Choice, fit: PolygonFit) -> _Ver
 
 def _unlike(choice: _Choice, asked: Asked, left_out: BoolArray, faulty: BoolArray) -> tuple[float, float]:
     """Return the probabilities that so few strips read what the outline is unlike, and that no channel is faulty."""
-    run, readings, estimate = choice.contact.run, choice.contact.readings, choice.estimate
-    sound = no_fault_probability(run, left_out, faulty, readings)
+    run, estimate = choice.contact.run, choice.estimate
+    sound = no_fault_probability(run, left_out, faulty, choice.contact.readings)
     if sound or choice.two:
         return 0.0, sound
     unlike = unlike_probability(
-        run, estimate.model, estimate.outline, asked.sensor, readings, asked.distribution, asked.one_object
+        run, estimate.model, estimate.outline, asked.distribution, choice.convex, asked.one_object
     )
     return unlike, 0.0
 
