@@ -18,8 +18,10 @@ from tacstrip.reconstruction.polygon.run import RunFit
 from tacstrip.reconstruction.posterior.assessment import (
     ENOUGH,
     ENOUGH_OF_FEW,
+    ENOUGH_OF_FEWEST,
     ENOUGH_OF_ONE,
     ENOUGH_STRIPS,
+    FEWEST_STRIPS,
     PROMISED_IOU,
     Assessment,
     Effort,
@@ -58,6 +60,8 @@ def enough_of(run: RunFit, effort: Effort, second: str) -> tuple[float, float]:
     of_one = ENOUGH_OF_ONE.get(effort, ENOUGH)
     if second:
         return (_NEVER if few_strips(run) else of_one), of_one
+    if run.problem.x.size < FEWEST_STRIPS:
+        return ENOUGH_OF_FEWEST, of_one
     return (ENOUGH_OF_FEW if few_strips(run) else ENOUGH), of_one
 
 
