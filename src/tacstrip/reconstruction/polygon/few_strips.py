@@ -22,15 +22,15 @@ from tacstrip.reconstruction.polygon.lone_fault import at_a_rail
 from tacstrip.reconstruction.polygon.run import RunFit
 from tacstrip.reconstruction.posterior.assessment import HELD_STRIPS, few_strips
 
-# Log odds: of three strips; by the logarithm of strips but two; of a concave outline; of one that misses readings of
-# very few strips, though convex ends explain them; by the logarithm of noise that nobody gave, over so much of Vref; by
+# Log odds: of three strips; by the logarithm of strips but two; of a concave outline, and if that is known to be one
+# object; of an outline that misses readings of very few strips, though convex ends explain them; by the logarithm of noise that nobody gave, over so much of Vref; by
 # that of the contact's height over its breadth, of the numbers fitted for each reading.
-_THREE, _BY_STRIPS, _CONCAVE, _MISSED = -4.03, -0.88, 3.5, 1.2
+_THREE, _BY_STRIPS, _CONCAVE, _CONCAVE_OF_ONE, _MISSED = -4.03, -0.88, 3.5, 3.1, 1.2
 _BY_NOISE, _QUIET, _BY_PROPORTION = 1.3, 0.004, 7.2
 _HIGHEST = 2.0  # height over breadth, beyond which it tells no more: bars lie along the strips, too
 # Of a reading left out as a faulty channel's: log odds that it is none, where one scan in ten has such a channel, of
 # three strips, by the logarithm of strips but two, and where the reading has not been singled out.
-_NO_FAULT, _NO_FAULT_BY_STRIPS, _NOT_NAMED = 1.9, -2.6, 2.2
+_NO_FAULT, _NO_FAULT_BY_STRIPS, _NOT_NAMED = 3.2, -4.0, 2.2
 
 
 def unlike_probability(
@@ -62,7 +62,8 @@ def unlike_probability(
         return 0.0
     odds = _THREE + _BY_STRIPS * math.log(max(run.problem.x.size - 2, 1))
     if convex is None:
-        odds += _CONCAVE * (isinstance(model, PolygonFit) and any(inward_corners(model)))
+        concave = isinstance(model, PolygonFit) and any(inward_corners(model))
+        odds += concave * (_CONCAVE_OF_ONE if one_object else _CONCAVE)
     elif run.problem.x.size < HELD_STRIPS:
         odds += _MISSED * (squares_score(run.residual_sums[0], run.freedom) > ALARM)
     if distribution is None:

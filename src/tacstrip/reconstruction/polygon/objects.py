@@ -319,12 +319,12 @@ def _unlike(choice: _Choice, asked: Asked, left_out: BoolArray, faulty: BoolArra
     """Return the probabilities that so few strips read what the outline is unlike, and that no channel is faulty."""
     run, estimate = choice.contact.run, choice.estimate
     sound = no_fault_probability(run, left_out, faulty, choice.contact.readings)
-    if sound or choice.two:
+    if choice.two:
         return 0.0, sound
     unlike = unlike_probability(
         run, estimate.model, estimate.outline, asked.distribution, choice.convex, asked.one_object
     )
-    return unlike, 0.0
+    return unlike, sound
 
 
 def _places(

@@ -45,7 +45,6 @@ OTHERS = (
     "noise"
 )
 _CONVEX = "taken for convex: one signature does not tell a notch or a gap"
-_TURN = "use finer strips, or slide or turn the contact and track it"
 _FEW = (
     f'; "ok" promises more, and from fewer than {ENOUGH_STRIPS} strips with one signature even outlines as sure as '
     "that are wrong in 1 of 10"
@@ -148,21 +147,17 @@ def doubts_of_few(
     enough, one_object
         The least confidence of an "ok"; whether it is known that there are no two.
     """
-    other = max(unlike, sound)
-    if other < NOTED:
-        return "", "", None if confidence is None else (1.0 - other) * confidence
-    what = "a concave one" if one_object else "a concave one or two objects on the same strips"
-    probability = f"which it is with a probability of {other:.2g}"
-    told = f"{strips} strips hardly tell this outline from {what}, {probability}: {_TURN}"
-    if sound:
-        told = (
-            f"{strips} strips hardly tell a faulty channel, whose reading was left out, from {what}, {probability}: "
-            f"press elsewhere, or if the channel is faulty leave it out by name (--without)"
-        )
+    other = 1.0 - (1.0 - unlike) * (1.0 - sound)
     before = 1.0 if confidence is None else confidence
-    doubted = before >= enough > (1.0 - other) * before
-    left = None if confidence is None else (1.0 - other) * confidence
-    return (told, "", left) if doubted else ("", told, left)
+    left = (1.0 - other) * before
+    what = "a concave one" if one_object else "a concave one or two objects on the same strips"
+    read, remedy = "this outline", "use finer strips, or slide or turn the contact and track it"
+    if sound > unlike:
+        read = "a faulty channel, whose reading was left out,"
+        remedy = "press elsewhere, or if the channel is faulty leave it out by name (--without)"
+    told = f"{strips} strips hardly tell {read} from {what}, which it is with a probability of {other:.2g}: {remedy}"
+    wrong, note = (told, "") if before >= enough > left else ("", told if other >= NOTED else "")
+    return wrong, note, None if confidence is None else left
 
 
 def status_of(
