@@ -23,8 +23,9 @@ from tacstrip.reconstruction.polygon.run import RunFit
 from tacstrip.reconstruction.posterior.assessment import HELD_STRIPS, few_strips
 
 # Log odds: of three strips; by the logarithm of strips but two; of a concave outline, and if that is known to be one
-# object; of an outline that misses readings of very few strips, though convex ends explain them; by the logarithm of noise that nobody gave, over so much of Vref; by
-# that of the contact's height over its breadth, of the numbers fitted for each reading.
+# object; of an outline that misses readings of very few strips, though convex ends explain them; by the logarithm of
+# noise that nobody gave, over so much of Vref; by that of the contact's height over its breadth, of the numbers fitted
+# for each reading.
 _THREE, _BY_STRIPS, _CONCAVE, _CONCAVE_OF_ONE, _MISSED = -4.03, -0.88, 3.5, 3.1, 1.2
 _BY_NOISE, _QUIET, _BY_PROPORTION = 1.3, 0.004, 7.2
 _HIGHEST = 2.0  # height over breadth, beyond which it tells no more: bars lie along the strips, too
