@@ -12,6 +12,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+import numpy as np
+
 from tacstrip.arrays import BoolArray, FloatArray
 from tacstrip.core.outline_model import OutlineModel
 from tacstrip.core.polygon_fit import PolygonFit
@@ -22,12 +24,9 @@ from tacstrip.reconstruction.polygon.lone_fault import at_a_rail
 from tacstrip.reconstruction.polygon.run import RunFit
 from tacstrip.reconstruction.posterior.assessment import HELD_STRIPS, few_strips
 
-# Log odds: of three strips; by the logarithm of strips but two; of a concave outline, and if that is known to be one
-# object; of an outline that misses readings of very few strips, though convex ends explain them; by the logarithm of
-# noise that nobody gave, over so much of Vref; by that of the contact's height over its breadth, of the numbers fitted
-# for each reading.
-_THREE, _BY_STRIPS, _CONCAVE, _CONCAVE_OF_ONE, _MISSED = -4.03, -0.88, 3.5, 3.1, 1.2
-_BY_NOISE, _QUIET, _BY_PROPORTION = 1.3, 0.004, 7.2
+# Log odds by `unlike_terms`, which `studies/few_strips.py` fits, but for that of one concave object.
+_ODDS = (-4.03, -0.88, 3.5, -0.4, 1.2, 1.3, 7.2)
+_QUIET = 0.004  # of Vref: less noise that nobody gave tells nothing
 _HIGHEST = 2.0  # height over breadth, beyond which it tells no more: bars lie along the strips, too
 # Of a reading left out as a faulty channel's: log odds that it is none, where one scan in ten has such a channel, of
 # three strips, by the logarithm of strips but two, and where the reading has not been singled out.
@@ -42,11 +41,31 @@ def unlike_probability(
     convex: OneConvex | None,
     one_object: bool,
 ) -> float:
-    """Return the probability that the readings of few strips are of what the outline is unlike; 0 of more strips.
+    """Return the probability that few strips read what their outline is unlike; 0 of more, and of one signature.
 
-    The fewer strips there are, the more often ends are convex by chance. Of two objects that share strips one lies
-    above the other, so that both together are rather high; but few of them read as an outline of few corners does. A
-    concave outline is one of many that read alike; and noise that nobody gave may be jumps.
+    Arguments as of `unlike_terms`.
+    """
+    if len(run.problem.k) == 1 or not few_strips(run):
+        return 0.0
+    terms = unlike_terms(run, model, outline, distribution, convex, one_object)
+    return float(1.0 / (1.0 + np.exp(-(terms @ _ODDS))))
+
+
+def unlike_terms(
+    run: RunFit,
+    model: OutlineModel,
+    outline: Outline,
+    distribution: str | None,
+    convex: OneConvex | None,
+    one_object: bool,
+) -> FloatArray:
+    """Return what tells whether the readings of few strips are of what their outline is unlike (7,).
+
+    1; the logarithm of strips but two: the fewer there are, the more often ends are convex by chance. Whether the
+    outline is concave, as one of many that read alike; and if so whether it is known to be one object. Whether it
+    misses readings of very few strips, though convex ends explain them. The logarithm of noise that nobody gave, which
+    may be jumps. That of the height over the breadth, for of two objects that share strips one lies above the other;
+    times the numbers fitted for each reading, for few of them read as an outline of few corners does.
 
     Parameters
     ----------
@@ -59,21 +78,17 @@ def unlike_probability(
     one_object
         Whether it is known that there are no two.
     """
-    if len(run.problem.k) == 1 or run.selection is None or not few_strips(run):
-        return 0.0
-    odds = _THREE + _BY_STRIPS * math.log(max(run.problem.x.size - 2, 1))
-    if convex is None:
-        concave = isinstance(model, PolygonFit) and any(inward_corners(model))
-        odds += concave * (_CONCAVE_OF_ONE if one_object else _CONCAVE)
-    elif run.problem.x.size < HELD_STRIPS:
-        odds += _MISSED * (squares_score(run.residual_sums[0], run.freedom) > ALARM)
-    if distribution is None:
-        odds += _BY_NOISE * max(math.log(run.sigma / _QUIET), 0.0)
-    if not one_object:
-        width, height = outline.vertices.max(axis=0) - outline.vertices.min(axis=0)
-        fitted = 1.0 - max(run.freedom, 0) / run.problem.readings
-        odds += _BY_PROPORTION * fitted * math.log(min(max(float(height / width), 1.0), _HIGHEST))
-    return 1.0 / (1.0 + math.exp(-odds))
+    strips = run.problem.x.size
+    concave = convex is None and isinstance(model, PolygonFit) and any(inward_corners(model))
+    missed = convex is not None and strips < HELD_STRIPS
+    missed = missed and squares_score(run.residual_sums[0], run.freedom) > ALARM
+    noise = max(math.log(run.sigma / _QUIET), 0.0) if distribution is None else 0.0
+    width, height = np.ptp(outline.vertices, axis=0)
+    fitted = 1.0 - max(run.freedom, 0) / run.problem.readings
+    high = 0.0 if one_object else fitted * math.log(np.clip(height / width, 1.0, _HIGHEST))
+    return np.array(
+        [1.0, math.log(max(strips - 2, 1)), concave, concave and one_object, missed, noise, high], dtype=float
+    )
 
 
 def no_fault_probability(
