@@ -22,7 +22,7 @@ from tacstrip.reconstruction.polygon.chi_square import ALARM, squares_score
 from tacstrip.reconstruction.polygon.convexity import OneConvex, inward_corners
 from tacstrip.reconstruction.polygon.lone_fault import at_a_rail
 from tacstrip.reconstruction.polygon.run import RunFit
-from tacstrip.reconstruction.posterior.assessment import HELD_STRIPS, few_strips
+from tacstrip.reconstruction.posterior.assessment import HELD_STRIPS
 
 # Log odds by `unlike_terms`, which `studies/few_strips.py` fits, but for that of one concave object.
 _ODDS = (-4.03, -0.88, 3.5, -0.4, 1.2, 1.3, 7.2)
@@ -41,12 +41,7 @@ def unlike_probability(
     convex: OneConvex | None,
     one_object: bool,
 ) -> float:
-    """Return the probability that few strips read what their outline is unlike; 0 of more, and of one signature.
-
-    Arguments as of `unlike_terms`.
-    """
-    if len(run.problem.k) == 1 or not few_strips(run):
-        return 0.0
+    """Return the probability that few strips read what their outline is unlike; arguments as of `unlike_terms`."""
     terms = unlike_terms(run, model, outline, distribution, convex, one_object)
     return float(1.0 / (1.0 + np.exp(-(terms @ _ODDS))))
 
@@ -94,13 +89,13 @@ def unlike_terms(
 def no_fault_probability(
     run: RunFit, left_out: BoolArray, faulty: BoolArray, readings: Mapping[str, FloatArray]
 ) -> float:
-    """Return the probability that readings left out (2, n) are of a concave object or a second one; 0 of more strips.
+    """Return the probability that readings left out (2, n) of few strips are of a concave object or a second one.
 
     The fewer strips there are, the more often all but one agree on a convex outline by chance. A reading at ground or
     Vref shows its fault in itself. `faulty`: those that no contact makes which the others agree on.
     """
     off = left_out & ~at_a_rail(run, readings)
-    if len(run.problem.k) == 1 or not few_strips(run) or not off.any():
+    if not off.any():
         return 0.0
     odds = _NO_FAULT + _NO_FAULT_BY_STRIPS * math.log(max(run.problem.x.size - 2, 1))
     odds += _NOT_NAMED * bool((off & ~faulty).any())

@@ -298,13 +298,10 @@ def _verdict(scan: Scan, asked: Asked, choice: _Choice, fit: PolygonFit) -> _Ver
             faulty = faulty | choice.beyond & at_a_rail(run, contact.readings)
     if faulty.any() and not wrong and bridged(contact, sensor, asked.around):
         wrong, confidence = _TWICE, None
-    if not wrong:
-        enough, _ = enough_of(run, effort, second)
-        wrong, of_few, confidence = doubts_of_few(
-            *_unlike(choice, asked, run.excluded if convex is None else faulty, faulty),
-            run.problem.x.size, confidence, enough, asked.one_object,
-        )  # fmt: skip
-        note = "; ".join(filter(None, (note, of_few)))
+    if not wrong and not second and few_strips(run):
+        left_out = run.excluded if convex is None else faulty
+        wrong, of_few, confidence = _of_few(choice, asked, left_out, faulty, confidence)
+        note, assessed = "; ".join(filter(None, (note, of_few))), replace(assessed, confidence=confidence)
     notes = notes_of(scan, sensor, contact, asked.around, noise is not None, faulty, convex is not None)
     area_known = asked.area_mm2 is not None
     status, advice = status_of(
@@ -315,16 +312,17 @@ def _verdict(scan: Scan, asked: Asked, choice: _Choice, fit: PolygonFit) -> _Ver
     )
 
 
-def _unlike(choice: _Choice, asked: Asked, left_out: BoolArray, faulty: BoolArray) -> tuple[float, float]:
-    """Return the probabilities that so few strips read what the outline is unlike, and that no channel is faulty."""
-    run, estimate = choice.contact.run, choice.estimate
+def _of_few(
+    choice: _Choice, asked: Asked, left_out: BoolArray, faulty: BoolArray, confidence: float | None
+) -> tuple[str, str, float | None]:
+    """Return what speaks against the outline of few strips, or a note, and the confidence that is left."""
+    run, estimate, one_object = choice.contact.run, choice.estimate, asked.one_object
     sound = no_fault_probability(run, left_out, faulty, choice.contact.readings)
-    if choice.two:
-        return 0.0, sound
     unlike = unlike_probability(
-        run, estimate.model, estimate.outline, asked.distribution, choice.convex, asked.one_object
+        run, estimate.model, estimate.outline, asked.distribution, choice.convex, one_object
     )
-    return unlike, sound
+    enough, _ = enough_of(run, asked.effort, "")
+    return doubts_of_few(unlike, sound, run.problem.x.size, confidence, enough, one_object)
 
 
 def _places(
