@@ -117,6 +117,84 @@ def two_objects(pair: Pair, right: bool, confidence: float) -> tuple[str, str]:
     if pair.meeting_mm is not None:
         between = "x = {:.4g} and {:.4g} mm".format(*pair.meeting_mm)
         meet = f", which would meet between {between}, where the ends of each are not seen"
+    sure = f"with a probability of {pair.probability:.2f} (see the alternatives){meet}: {slide}"
+    where = "on the same strips" if pair.shared else "beside each other"
+    told = (
+        f"{pair.advice}; it is two {sure}"
+        if pair.advice
+        else f"two objects {where} explain the readings too, {sure}; {IF_ONE}"
+    )
+    if confidence < ENOUGH or (pair.probability >= _OTHER and not right and not pair.one_convex):
+        return told, ""
+    if pair.probability < NOTED:
+        return "", ""
+    return "", told + ("; the outline holds either way" if right else "")
+
+
+def doubts_of_few(
+    unlike: float, sound: float, strips: int, confidence: float | None, enough: float, one_object: bool
+) -> tuple[str, str, float | None]:
+    """Return advice that doubts an outline of few strips, or a note, and the confidence that is left.
+
+    Parameters
+    ----------
+    unlike, sound
+        Probabilities that the strips read what the outline is unlike, and that a channel left out is not faulty.
+    strips
+        How many there are.
+    confidence
+        That the outline is right, if it is neither.
+    enough, one_object
+        The least confidence of an "ok"; whether it is known that there are no two.
+    """
+    other = 1.0 - (1.0 - unlike) * (1.0 - sound)
+    before = 1.0 if confidence is None else confidence
+    left = (1.0 - other) * before
+    what = "a concave one" if one_object else "a concave one or two objects on the same strips"
+    read = "this outline"
+    remedy = "use finer strips, or slide or turn the contact and track it" + (
+        "" if one_object else f"; {IF_ONE}"
+    )
+    if sound > unlike:
+        read = "a faulty channel, whose reading was left out,"
+        remedy = "press elsewhere, or if the channel is faulty leave it out by name (--without)"
+    told = f"{strips} strips hardly tell {read} from {what}, which it is with a probability of {other:.2g}: {remedy}"
+    told = told if other >= NOTED else ""
+    wrong, note = (told, "") if before >= enough > left else ("", told)
+    return wrong, note, None if confidence is None else left
+
+
+def status_of(
+    wrong: str,
+    weak: str,
+    assessed: Assessment,
+    effort: Effort,
+    second: str,
+    averaging: str,
+    area: bool,
+    enough: float,
+    of_one: float,
+) -> tuple[Status, list[str]]:
+    """Return the status, and advice: what the outline does not explain, what is left open, how sure it is.
+
+    `second` is what to do about a second signature, "" where both are read; `averaging` "" where neither that nor the
+    area can make it "ok"; `enough` the least confidence of an "ok", `of_one` that of one signature on more strips.
+    """
+    if wrong:
+        return "doubtful", [wrong]
+    if assessed.confidence is None:
+        why = "" if effort == "none" else "how sure this is was not assessed: the compiled core is missing"
+        return ("doubtful" if weak else "likely"), [weak, why]
+    if assessed.confidence >= enough:
+        return ("likely" if effort == "fast" and second else "ok"), [weak, _CONVEX if second else ""]
+    more = ", ".join(filter(None, (second, averaging))) if second else f"{averaging}, or use finer strips"
+    others = "others explain the readings too" + (
+        "" if assessed.alternatives else ", though none of them is likely"
+    )
+    narrower = "" if area or not averaging else ", or give the contact's area"
+    likely = enough == _NEVER and assessed.confidence >= of_one
+    why = _FEW if likely else f", for {others}"
+    only = "" if likely else " only"
     sure = (
         f"with a probability of {assessed.confidence:.2f}{only} it overlaps the true outline by an IoU of "
         f"{PROMISED_IOU} or more{why}: {more}{narrower}"
