@@ -87,7 +87,7 @@ _PLAIN: dict[str, Sequence[_Draw]] = {
         lambda t: _arms((90, 210, 330), 0.2 + 0.1 * t),
         lambda t: _ring((0, 0), (1, 0), (1, 0.3 + 0.3 * t), (0.45, 0.3 + 0.3 * t), (0.45, 1), (0, 1)),
         lambda t: shapely.union(shapely.box(-1, 0, 1, 0.6), shapely.box(-0.3, -0.6 - t, 0.3, 0.1)),
-        lambda t: _regular(3 + int(4 * t), 0.5),
+        lambda t: _regular(3 + int(4 * t), 0.4),
         lambda t: _ring((-1, -0.3), (0, -0.3), (0, -0.6 - 0.3 * t), (1, 0), (0, 0.6 + 0.3 * t), (0, 0.3), (-1, 0.3)),
         lambda t: _ring((-1, -1), (0, 0), (1, -1), (1, -0.7 + 0.4 * t), (0, 0.3 + 0.4 * t), (-1, -0.7 + 0.4 * t)),
         lambda t: _disc(0, 0, 1).difference(_disc(0, 0.9 + 0.4 * t, 0.65)),
