@@ -143,7 +143,7 @@ def contact(group: str, random: np.random.Generator) -> Contact:
 
 
 def _of_breadth(group: str, wide: float, random: np.random.Generator) -> shapely.Geometry:
-    drawn = _PLAIN[group][random.integers(len(_PLAIN[group]))](random.random())
+    drawn = _PLAIN[group][int(random.integers(len(_PLAIN[group])))](random.random())
     angle = 90.0 * random.integers(4) if random.random() < 0.3 else random.uniform(0.0, 360.0)
     drawn = affinity.rotate(drawn, angle, origin=(0, 0))
     size = wide / (drawn.bounds[2] - drawn.bounds[0])
