@@ -25,7 +25,7 @@ from tacstrip.reconstruction.polygon.run import RunFit
 from tacstrip.reconstruction.posterior.assessment import HELD_STRIPS
 
 # Log odds by `unlike_terms`, which `studies/few_strips.py` fits, but for that of one concave object.
-_ODDS = (-4.03, -0.88, 3.5, -0.4, 1.2, 1.3, 7.2)
+_ODDS = (-4.03, -0.88, 3.6, -0.4, 1.2, 1.3, 7.2)
 _QUIET = 0.004  # of Vref: less noise that nobody gave tells nothing
 _HIGHEST = 2.0  # height over breadth, beyond which it tells no more: bars lie along the strips, too
 # Of a reading left out as a faulty channel's: log odds that it is none, where one scan in ten has such a channel, of
@@ -69,7 +69,7 @@ def unlike_terms(
     distribution
         Of the noise; None where its level was not given.
     convex
-        One convex object that explains all readings, where the outline alone does not tell.
+        One convex object that explains all readings, if there is one.
     one_object
         Whether it is known that there are no two.
     """

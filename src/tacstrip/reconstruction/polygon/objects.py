@@ -21,7 +21,7 @@ from tacstrip.reconstruction.noise_covariance import (
     signature_advice,
 )
 from tacstrip.reconstruction.pieces.pair import Pair
-from tacstrip.reconstruction.polygon.convexity import OneConvex
+from tacstrip.reconstruction.polygon.convexity import OneConvex, explained_by_convex
 from tacstrip.reconstruction.polygon.faulty_channel import contradictory
 from tacstrip.reconstruction.polygon.few_strips import no_fault_probability, unlike_probability
 from tacstrip.reconstruction.polygon.goodness_of_fit import (
@@ -316,11 +316,15 @@ def _of_few(
     choice: _Choice, asked: Asked, left_out: BoolArray, faulty: BoolArray, confidence: float | None
 ) -> tuple[str, str, float | None]:
     """Return what speaks against the outline of few strips, or a note, and the confidence that is left."""
-    run, estimate, one_object = choice.contact.run, choice.estimate, asked.one_object
-    sound = no_fault_probability(run, left_out, faulty, choice.contact.readings)
-    unlike = unlike_probability(
-        run, estimate.model, estimate.outline, asked.distribution, choice.convex, one_object
-    )
+    contact, estimate, convex, one_object = choice.contact, choice.estimate, choice.convex, asked.one_object
+    run, distribution = contact.run, asked.distribution
+    sound = no_fault_probability(run, left_out, faulty, contact.readings)
+    if convex is None:  # a corner that hardly turns inwards may be the noise's
+        none = np.zeros_like(run.excluded)
+        convex = explained_by_convex(
+            run, distribution, estimate.outline, asked.sensor, contact.readings, none
+        )
+    unlike = unlike_probability(run, estimate.model, estimate.outline, distribution, convex, one_object)
     enough, _ = enough_of(run, asked.effort, "")
     return doubts_of_few(unlike, sound, run.problem.x.size, confidence, enough, one_object)
 
