@@ -203,9 +203,10 @@ def test_a_faulty_channel_is_no_border_of_strips_at_rest() -> None:
     scan = ts.simulate(SENSOR, contact, NOISE, rng=1)
     kl = scan["kl"].copy()
     kl[4] = 1.0
-    # Two objects explain this concave outline on ten strips, too, with a probability of .08.
-    (found,) = ts.fit_polygon(ts.Scan(kh=scan["kh"], kl=kl), SENSOR, NOISE, one_object=True).objects
-    assert (found.status, found.faulty) == (SURE, ("5:v_l",))
+    scan = ts.Scan(kh=scan["kh"], kl=kl)
+    # Two objects and other concave ones explain its ten strips, too, so that confidence alone would doubt it.
+    (found,) = ts.fit_polygon(scan, SENSOR, NOISE, one_object=True, assessment="none").objects
+    assert (found.status, found.faulty) == ("likely", ("5:v_l",))
 
 
 def test_a_stuck_channel_that_hardly_moves_the_other_end_is_named() -> None:

@@ -12,6 +12,7 @@ from tacstrip.contact.noise import Noise
 from tacstrip.contact.shape import Contact
 from tacstrip.geometry.metrics import mismatch
 from tacstrip.reconstruction.polygon.estimate import fit_polygon
+from tacstrip.reconstruction.posterior.assessment import Effort
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
 from tacstrip.simulation import simulate
@@ -162,3 +163,57 @@ def test_two_objects_that_no_convex_one_reads_as_are_doubted(
     noise = None if half_width is None else Noise(positional=half_width, distribution="normal")
     (found,) = fit_polygon(Scan(kh=np.array(kh), kl=np.array(kl)), sensor, noise, assessment="fast").objects
     assert found.status == "doubtful"
+
+
+def _read_on(length_mm: float, kh: list[float], kl: list[float]) -> tuple[Scan, Sensor]:
+    """Return a scan of strips amid ten of 10 mm, and the sensor."""
+    sensor = Sensor(construction="crs-crs", strips=10, pitch_mm=10.0, length_mm=length_mm)
+    read = np.full((2, 10), np.nan)
+    read[:, 1 : 1 + len(kh)] = kh, kl
+    return Scan(kh=read[0], kl=read[1]), sensor
+
+
+@pytest.mark.parametrize("assessment", ["fast", "none"])
+def test_two_objects_whose_ends_an_ellipse_follows_are_not_sure(assessment: Effort) -> None:
+    """One lies above the other; nothing in four strips tells, but that they are few, and the contact is high."""
+    scan, sensor = _read_on(101.67, [0.7536, 0.8714, 0.9445, 0.8748], [0.3123, 0.3614, 0.5197, 0.7032])
+    noise = Noise(positional=0.002)
+    (found,) = fit_polygon(scan, sensor, noise, assessment=assessment).objects
+    assert found.status == "doubtful"
+    assert "4 strips hardly tell this outline from a concave one or two objects" in found.advice
+    assert "--one-object" in found.advice
+    assert (found.confidence is None) == (assessment == "none")
+    (one,) = fit_polygon(scan, sensor, noise, assessment="fast", one_object=True).objects
+    assert one.status == "ok"
+    assert one.confidence is not None
+    assert one.confidence > (found.confidence or 0.9) + 0.05
+
+
+@pytest.mark.parametrize(
+    ("length_mm", "half_width", "kh", "kl"),
+    [
+        (73.88, 0.002, [0.9595, 0.9746, 0.7698, 0.7825], [0.6607, 0.5333, 0.6541, 0.668]),
+        (153.0, 0.002, [0.7628, 0.76, 0.8267, 0.7812, 0.7387], [0.7272, 0.7297, 0.7229, 0.7297, 0.7361]),
+        (107.61, 0.01, [0.6477, 0.6458, 0.7887, 0.7866, 0.6579], [0.5512, 0.5451, 0.4594, 0.4588, 0.5545]),
+    ],
+    ids=["T", "arrow", "plus"],
+)
+def test_a_concave_object_is_no_faulty_channel_for_sure(
+    length_mm: float, half_width: float, kh: list[float], kl: list[float]
+) -> None:
+    """Without one reading an oval, or a few corners, explain all others of these."""
+    scan, sensor = _read_on(length_mm, kh, kl)
+    (found,) = fit_polygon(scan, sensor, Noise(positional=half_width), assessment="fast").objects
+    assert found.status == "doubtful"
+    assert found.faulty
+    assert "strips hardly tell a faulty channel, whose reading was left out, from a concave" in found.advice
+
+
+def test_plain_shapes_on_few_strips_stay_sure() -> None:
+    """Four corners on five strips, also of a bar along them on six."""
+    sensor, noise = replace(FEW, pitch_mm=10.0), Noise(positional=0.002)
+    for corners in [(6, 30), (43, 22), (51, 60), (12, 66)], [(8, 15), (61, 20), (60, 105), (7, 102)]:
+        scan = simulate(sensor, Contact.polygon(corners), noise, rng=1)
+        (found,) = fit_polygon(scan, sensor, noise, assessment="fast").objects
+        assert found.status == "ok"
+        assert mismatch(corners, found.vertices).iou > 0.9

@@ -22,8 +22,9 @@ from tacstrip.reconstruction.noise_covariance import (
 )
 from tacstrip.reconstruction.pieces.overhang import Overhang
 from tacstrip.reconstruction.pieces.pair import Pair
-from tacstrip.reconstruction.polygon.convexity import OneConvex
+from tacstrip.reconstruction.polygon.convexity import OneConvex, explained_by_convex
 from tacstrip.reconstruction.polygon.faulty_channel import contradictory
+from tacstrip.reconstruction.polygon.few_strips import no_fault_probability, unlike_probability
 from tacstrip.reconstruction.polygon.goodness_of_fit import (
     misfit,
     one_convex,
@@ -38,6 +39,7 @@ from tacstrip.reconstruction.polygon.status import (
     behind_overhang,
     beside_pair,
     bridged,
+    doubts_of_few,
     enough_of,
     notes_of,
     other_area,
@@ -307,6 +309,10 @@ def _verdict(scan: Scan, asked: Asked, choice: _Choice, fit: PolygonFit) -> _Ver
             faulty = faulty | choice.beyond & at_a_rail(run, contact.readings)
     if faulty.any() and not wrong and bridged(contact, sensor, asked.around):
         wrong, confidence = _TWICE, None
+    if not wrong and not second and few_strips(run):
+        left_out = run.excluded if convex is None else faulty
+        wrong, of_few, confidence = _of_few(choice, asked, left_out, faulty, confidence)
+        note, assessed = "; ".join(filter(None, (note, of_few))), replace(assessed, confidence=confidence)
     notes = notes_of(scan, sensor, contact, asked.around, noise is not None, faulty, convex is not None)
     area_known = asked.area_mm2 is not None
     status, advice = status_of(
@@ -315,6 +321,23 @@ def _verdict(scan: Scan, asked: Asked, choice: _Choice, fit: PolygonFit) -> _Ver
     return _Verdict(
         status, "; ".join(filter(None, [*advice, note, *notes])), confidence, alternatives, faulty
     )
+
+
+def _of_few(
+    choice: _Choice, asked: Asked, left_out: BoolArray, faulty: BoolArray, confidence: float | None
+) -> tuple[str, str, float | None]:
+    """Return what speaks against the outline of few strips, or a note, and the confidence that is left."""
+    contact, estimate, convex, one_object = choice.contact, choice.estimate, choice.convex, asked.one_object
+    run, distribution = contact.run, asked.distribution
+    sound = no_fault_probability(run, left_out, faulty, contact.readings)
+    if convex is None:  # a corner that hardly turns inwards may be the noise's
+        none = np.zeros_like(run.excluded)
+        convex = explained_by_convex(
+            run, distribution, estimate.outline, asked.sensor, contact.readings, none
+        )
+    unlike = unlike_probability(run, estimate.model, estimate.outline, distribution, convex, one_object)
+    enough, _ = enough_of(run, asked.effort, "")
+    return doubts_of_few(unlike, sound, run.problem.x.size, confidence, enough, one_object)
 
 
 def _places(

@@ -19,8 +19,10 @@ from tacstrip.reconstruction.polygon.run import RunFit
 from tacstrip.reconstruction.posterior.assessment import (
     ENOUGH,
     ENOUGH_OF_FEW,
+    ENOUGH_OF_FEWEST,
     ENOUGH_OF_ONE,
     ENOUGH_STRIPS,
+    FEWEST_STRIPS,
     PROMISED_IOU,
     Assessment,
     Effort,
@@ -58,6 +60,8 @@ def enough_of(run: RunFit, effort: Effort, second: str) -> tuple[float, float]:
     of_one = ENOUGH_OF_ONE.get(effort, ENOUGH)
     if second:
         return (_NEVER if few_strips(run) else of_one), of_one
+    if run.problem.x.size < FEWEST_STRIPS:
+        return ENOUGH_OF_FEWEST, of_one
     return (ENOUGH_OF_FEW if few_strips(run) else ENOUGH), of_one
 
 
@@ -137,6 +141,39 @@ def behind_overhang(overhang: Overhang) -> str:
         f"{100.0 * min(overhang.share, 1.0):.0f} % of the outline may not be touched, with a probability of "
         f"{overhang.probability:.2f} more than is promised; turn the object"
     )
+
+
+def doubts_of_few(
+    unlike: float, sound: float, strips: int, confidence: float | None, enough: float, one_object: bool
+) -> tuple[str, str, float | None]:
+    """Return advice that doubts an outline of few strips, or a note, and the confidence that is left.
+
+    Parameters
+    ----------
+    unlike, sound
+        Probabilities that the strips read what the outline is unlike, and that a channel left out is not faulty.
+    strips
+        How many there are.
+    confidence
+        That the outline is right, if it is neither.
+    enough, one_object
+        The least confidence of an "ok"; whether it is known that there are no two.
+    """
+    other = 1.0 - (1.0 - unlike) * (1.0 - sound)
+    before = 1.0 if confidence is None else confidence
+    left = (1.0 - other) * before
+    what = "a concave one" if one_object else "a concave one or two objects on the same strips"
+    read = "this outline"
+    remedy = "use finer strips, or slide or turn the contact and track it" + (
+        "" if one_object else f"; {IF_ONE}"
+    )
+    if sound > unlike:
+        read = "a faulty channel, whose reading was left out,"
+        remedy = "press elsewhere, or if the channel is faulty leave it out by name (--without)"
+    told = f"{strips} strips hardly tell {read} from {what}, which it is with a probability of {other:.2g}: {remedy}"
+    told = told if other >= NOTED else ""
+    wrong, note = (told, "") if before >= enough > left else ("", told)
+    return wrong, note, None if confidence is None else left
 
 
 def status_of(

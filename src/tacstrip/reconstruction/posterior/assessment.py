@@ -31,7 +31,9 @@ _EFFORTS = get_args(Effort)
 
 PROMISED_IOU = 0.8  # of an outline that is "ok" with the true one
 ENOUGH = 0.77  # confidence of the least certain "ok": all of them together are right in 95 of 100 cases
-ENOUGH_OF_FEW = 0.85  # with both signatures on fewer than `ENOUGH_STRIPS`: many are hardly surer
+# With both signatures on fewer than `ENOUGH_STRIPS`, where many are hardly surer; on fewer than `FEWEST_STRIPS` by the
+# promise itself, for there one in ten that are less sure is concave, or two objects.
+ENOUGH_OF_FEW, ENOUGH_OF_FEWEST, FEWEST_STRIPS = 0.87, 0.95, 6
 # With one signature, where many are hardly surer than that.
 ENOUGH_OF_ONE: Mapping[Effort, float] = {"thorough": 0.76, "fast": 0.73}
 _EVALUATIONS = {"thorough": 300_000, "fast": 14_000}
