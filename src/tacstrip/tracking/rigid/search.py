@@ -117,7 +117,9 @@ def search(
                 return found if few else _on_as_many_knots_as_all_ask_for(scans, found)
         found = _with_offsets(starts, turns, distribution, offsets)
         if starts.plain and not explained(found):
-            found = replace(found, strained=strain_share(taken_off(scans, found.offsets), found.fit, found.offsets))
+            found = replace(
+                found, strained=strain_share(taken_off(scans, found.offsets), found.fit, found.offsets)
+            )
         if round_and_round and not (explained(found) or found.strains) and starts.hopeless:
             beyond = starts.best(_WHOLE_TURNS, 1)
             if starts.rough[beyond[0]].cost < min(starts.rough[turn].cost for turn in turns):

@@ -20,7 +20,7 @@ _SEEN = 1e-6  # of what the readings tell of a mode were all else known: less is
 
 
 def strain_share(scans: RigidScans, fit: Fit, offsets: Offsets | None) -> float:
-    """Return the share of what a fit leaves of scans in the order of time, beyond noise, that such a strain explains."""
+    """Return the share of what a fit leaves of scans in order of time, beyond noise, that such a strain explains."""
     gain = strain_gain(scans, fit, offsets, np.arange(len(scans.k)))
     return gain / max(fit.cost - fit.freedom(scans), 1.0)
 
