@@ -121,9 +121,9 @@ def search(
                 found, strained=strain_share(taken_off(scans, found.offsets), found.fit, found.offsets)
             )
         if round_and_round and not (explained(found) or found.strains) and starts.hopeless:
-            beyond = starts.beyond(_WHOLE_TURNS)
-            if starts.rough[beyond].cost < min(starts.rough[turn].cost for turn in turns):
-                again = _with_offsets(starts, [beyond], distribution, offsets)
+            beyond = starts.best(_WHOLE_TURNS, 1)
+            if starts.rough[beyond[0]].cost < min(starts.rough[turn].cost for turn in turns):
+                again = _with_offsets(starts, beyond, distribution, offsets)
                 found = min(found, again, key=lambda f: f.criterion(scans))
     if not thorough or found.strains or scans.strips_touched < LEAST_STRIPS:
         return found

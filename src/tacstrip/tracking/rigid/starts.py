@@ -19,7 +19,6 @@ DENSE, MANY_STRIPS, _SPARSE = 48, 20, 16  # scans that a search uses; of finer s
 _KNOTS, _MORE_KNOTS = 4, 8
 _ENOUGH = 8  # strips of a scan that a rough outline is fitted to, at least, where more are touched
 KEPT = 3  # paths that are made polygons of
-_SOME, _LOOKED_AT = 20, 4  # scans that many turns are looked at in, and how many of these turns in all
 # Strips: scans that touch fewer explain one another at many wrong turns, so that all are tried.
 FEW_A_SCAN = 6
 LOST = 0.5  # of the scans: a polygon that leaves more will not explain them once it is settled
@@ -100,23 +99,6 @@ class Starts:
                 )
                 self.refined[turn] = path
         return sorted(near, key=lambda t: self.refined[t].cost)[:kept]
-
-    def beyond(self, turns: Sequence[int]) -> int:
-        """Return the turn that the best outline comes from, of many: looked at in some of the scans to begin with."""
-        every, rough = self.splines[0], dict[int, Path]()
-        some = np.arange(0, len(every), max(1, len(every) // _SOME))
-        fewer = self.thinned.of(some)
-        for turn in turns:
-            path = replace(self.circle.turning(math.radians(turn)), basis=every[some])
-            path = fit_path(fewer, path, 8, tolerance=_COARSE, cauchy=3.0, rough=ROUGH, end=_SOFT)
-            rough[turn] = fit_path(fewer, path, 6, tolerance=FINER, cauchy=3.0, rough=ROUGH, end=_SOFT)
-        near = sorted(turns, key=lambda t: rough[t].cost)[:_LOOKED_AT]
-        for turn in near:
-            path = replace(rough[turn], basis=every)
-            self.rough[turn] = fit_path(
-                self.thinned, path, 6, tolerance=FINER, cauchy=3.0, rough=ROUGH, end=_SOFT
-            )
-        return self.best(near, 1)[0]
 
     def paths(self, turns: Sequence[int]) -> list[Path]:
         """Return the outlines of some turns."""
