@@ -8,14 +8,16 @@ import signal
 import socket
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
 import tacstrip as ts
 from live_devices import SENSOR, LinkedPty, device, with_strips
-from tacstrip.cli.live import command
+from tacstrip.cli.live import _line, command
 from waiting import HANG_S, wait_until
 
 
@@ -101,6 +103,15 @@ def test_json_lines_of_the_simulated_device_and_of_its_recording(tmp_path: Path,
     assert done.exit_code == 0, done.stderr
     again = [json.loads(line)["sequence"] for line in done.stdout.splitlines()]
     assert again == list(range(count))
+
+
+def test_corners_of_a_doubtful_outline_are_known_if_it_is_right() -> None:
+    outline, nowhere = np.array([(0.0, 0.0), (20.0, 0.0), (0.0, 20.0)]), np.full(3, np.nan)
+    doubted = ts.LiveTrack(
+        1, outline, nowhere, nowhere, 0.0, 30, "doubtful", "the motion does not tell the shape"
+    )
+    assert _line(doubted).startswith("object 1: doubtful; if its outline is right, 3 corners, 200 mm2 +- ")
+    assert _line(replace(doubted, status="ok")).startswith("object 1: ok, 3 corners, 200 mm2 +- ")
 
 
 def test_another_sensor_and_a_missing_port_end_with_one_line(tmp_path: Path) -> None:

@@ -28,7 +28,8 @@ from tacstrip.plot.tracks import track_figure
 from tacstrip.sensor.calibration import Calibration
 from tacstrip.tracking.episodes import episodes, spanned
 from tacstrip.tracking.geojson import track_collection
-from tacstrip.tracking.rigid.corners import Fit, fitted, not_sure, posed, recounted, unstuck
+from tacstrip.tracking.objects import Object, Readings, Skin
+from tacstrip.tracking.rigid.corners import Fit, fitted, not_sure, posed, recounted, settled, unstuck
 from tacstrip.tracking.rigid.covariance import (
     covariances,
     following,
@@ -51,7 +52,7 @@ from tacstrip.tracking.rigid.smooth_path import fit_corners, one_after_another, 
 from tacstrip.tracking.rigid.strain import strain_gain
 from tacstrip.tracking.rigid.unseen_corner import unread_tips_mm, unseen_corner_mm
 from tacstrip.tracking.scan_noise import correlation_of_strips, noise_between_scans
-from tacstrip.tracking.summary import _uncalibrated, less_than_half_turns
+from tacstrip.tracking.summary import _uncalibrated, less_than_half_turns, summarised
 
 NOISE = ts.Noise(positional=0.005)
 
@@ -242,6 +243,43 @@ def test_the_gain_by_strain_is_what_a_rigid_outline_leaves_of_it() -> None:
         assert strain_gain(scans, fit, offsets, np.arange(20)) == pytest.approx(fit.cost, rel=0.1)
     loose = Offsets(np.zeros(scans.k.shape[1:]), 0.01)
     assert strain_gain(scans, fit, loose, np.arange(20)) < 0.9 * fit.cost
+
+
+def test_what_strains_is_searched_no_further(monkeypatch: pytest.MonkeyPatch) -> None:
+    def looked_for(*_: object, **__: object) -> Fit:
+        raise AssertionError("another rigid outline was looked for")
+
+    monkeypatch.setattr("tacstrip.tracking.rigid.search.best_without_path", looked_for)
+    monkeypatch.setattr("tacstrip.tracking.together.lone_ends", looked_for)
+    bent = scene("creeps", 0, 4)
+    (one,) = ts.track(bent.scans, bent.unit.sensor, NOISE)
+    assert one.status == "doubtful"
+    assert "strains more and more" in one.advice
+
+
+@pytest.mark.parametrize(
+    ("worse", "size", "status"), [(3.0, 1.3, "doubtful"), (7.3, 1.3, "likely"), (3.0, 1.02, "ok")]
+)
+def test_a_rival_doubts_an_outline_by_its_odds_and_by_what_it_does_not_cover(
+    worse: float, size: float, status: str
+) -> None:
+    scans, corners, poses = rigid_scene("crs-crs", 0.0, 40)
+    fit = settled(scans, fitted(scans, corners, poses))
+    every = np.arange(len(scans.k))
+    near, far = (replace(fit, corners=by * fit.corners) for by in (1.0001, size))
+    found = Found(
+        fit, every, (*[(near, 0.0)] * 20, (far, worse))
+    )  # many alike do not make the other less likely
+    run = slice(0, scans.sensor.strips)
+    one = Object([*every], [], [run] * len(every), scans, found)
+    read = Readings(scans.k, Skin(scans.sensor, run), scans.names, scans.sigma, "uniform")
+    rows = [ts.Scan(**dict(zip(scans.names, k, strict=True))) for k in scans.k]
+    track = summarised(one, rows, read, NOISE)
+    assert track.status == status, track.advice
+    if status == "likely":
+        (other,) = track.alternatives
+        assert abs(moments(other.vertices)[0] / moments(track.outline)[0] - size**2) < 0.01
+        assert "2.5 % (`alternatives`)" in track.advice
 
 
 def test_more_than_half_a_turn_is_found_on_a_smooth_path(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -258,7 +258,8 @@ def _line(one: LiveTrack) -> str:
     """Say what the scans told of an object over time."""
     text = f"object {one.id}: {one.status}"
     if len(one.outline):
-        text += f", {len(one.outline)} corners, {one.area_mm2:.6g} mm2 +- {figures(one.area_deviation_mm2)}"
+        text += "; if its outline is right, " if one.status == "doubtful" else ", "
+        text += f"{len(one.outline)} corners, {one.area_mm2:.6g} mm2 +- {figures(one.area_deviation_mm2)}"
         text += f", corners known to {figures(one.corner_deviation_mm)} mm from {one.scans} scans"
     return f"{text}. {one.advice}" if one.advice else text
 

@@ -50,6 +50,7 @@ DEVIATIONS = 2.0  # ... within so many deviations
 # Squared errors of outlines with offsets over their covariance, as measured: so loose, their cost has small minima at
 # kinks, of which the readings prefer none.
 _KINKED = 1.2
+_MISSED = 0.05  # probability of another outline, up to which a track is believed
 _COUNTED = 0.05  # pitches, by which an outline of another count is off, for the count to matter
 _OPEN = 9.0  # chi square, three deviations: what costs less beside a kink may be far more of what is likely
 _UNREAD = 0.5  # pitches of a corner that no strip reads
@@ -61,6 +62,10 @@ _LEFT_OVER = (
 _NOT_RIGID = (
     "no rigid outline explains all scans: {times} times the noise is left over; {unit}the object deforms or rolls, two "
     "are taken for one, or the noise is larger than given: read the scans one by one (`single`)"
+)
+_BENT = (
+    "no rigid outline explains all scans: {times} times the noise is left over, and one that strains more and more "
+    "explains most of it: {unit}the object deforms or rolls; read the scans one by one (`single`)"
 )
 _MANY_STRAYS, _NAMED = 0.05, 4  # of the readings: more make a track likely at best; how many are named
 _STRAINED = 16.3  # chi square of three degrees of freedom, which noise exceeds in one of 1000 tracks
@@ -76,6 +81,7 @@ _NOT_TOLD = (
     "the motion does not tell the shape: outlines that differ by {spread} mm explain all scans; turn the object, "
     "or slide it across the strips by more than half a pitch"
 )
+_OTHERS = "another outline explains the scans, too, and is right with {percent} % (`alternatives`)"
 _COUNT = (
     "the number of corners is open: an outline of {n} explains the scans nearly as well; turn the object further, or "
     "take more scans"
@@ -160,9 +166,9 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
     found_noise = one.noise_found(read.sigma) ** 2
     of_poses = poses_beside_rivals(one.scans, one.found, of_poses)
     of_poses = found_noise * (of_poses + _shared_by_strips(one, fit, order))
-    shape = found_noise * wider**2 * beside_rivals(one.scans, one.found, shape, deviation)
     kinked = _KINKED if offsets and fit.basis is None and one.scans.strips_touched < FEW_STRIPS else 1.0
-    shape *= kinked
+    widened, own_shape = found_noise * kinked * wider**2, shape
+    shape = widened * beside_rivals(one.scans, one.found, own_shape, deviation)
     all_spin = np.kron(np.eye(len(corners)), spin.T)
     shape = np.asarray(all_spin @ shape @ all_spin.T)
     poses, spreads = np.full((total, 3), np.nan), np.full((total, 3, 3), np.nan)
@@ -177,19 +183,24 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
         advice = _SMALL
     elif not rigid:
         times = math.sqrt(fit.cost / fit.freedom(one.scans))
-        advice = _NOT_RIGID.format(times=figures(times, 3), unit=_uncalibrated(one, sensor))
+        why = _BENT if one.found.strains else _NOT_RIGID
+        advice = why.format(times=figures(times, 3), unit=_uncalibrated(one, sensor))
     elif not one.likely and (gain := _strain_gain(one)) > _STRAINED:
         rigid, advice = False, _STRAINS.format(gain=figures(gain, 3), unit=_uncalibrated(one, sensor))
     if not rigid:
         alone = SingleScans(scans, dict(zip(one.shown, one.runs, strict=True)), sensor, noise)
     concave, few = bool(reflex(outline).any()), one.scans.strips_touched < FEW_STRIPS
     loosest = math.sqrt(float(shape.diagonal().reshape(-1, 2).sum(axis=1).max()))
-    spread = one.found.spread_mm
     size = float(np.ptp(outline, axis=0).max())
     unsure = tolerated_mm(sensor, outline)
-    told = spread <= max(TOLD * sensor.pitch_mm, _OF_SIZE * size, min(_TELLING * loosest, unsure))
+    apart = one.found.apart(max(TOLD * sensor.pitch_mm, _OF_SIZE * size, min(_TELLING * loosest, unsure)))
+    odds = one.found.likely(apart)
+    told = odds <= _MISSED
+    if apart and told:  # two deviations of all would be those of none
+        near = beside_rivals(one.scans, one.found.without(apart), own_shape, deviation)
+        loosest = math.sqrt(widened * float(near.diagonal().reshape(-1, 2).sum(axis=1).max()))
     if not advice and not told:
-        advice = _NOT_TOLD.format(spread=figures(spread))
+        advice = _NOT_TOLD.format(spread=figures(one.found.spread_mm(apart)))
     elif not advice and _hardly_moved(one, outline, poses[np.isfinite(poses[:, 0])]):
         told, advice = False, _HARDLY_MOVED.format(n=len(one.shown))
     elif not advice and fit.basis is None and len(one.scans.read) == 1 and few:
@@ -225,18 +236,20 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
         # scans that it shares strips in tell more, and are not among these
         hides = [_UNSEEN.format(far=figures(unseen.max()))] * bool(unseen.max() > unsure and not one.shared)
         kinks = [_KINKS] * bool(one.likely)
-        note = "; ".join([_CONCAVE] * concave + [_SMOOTH] * tied + kinks + wander + hides)
+        others = [_OTHERS.format(percent=figures(100.0 * odds))] * bool(apart)
+        note = "; ".join([_CONCAVE] * concave + [_SMOOTH] * tied + kinks + others + wander + hides)
     parted = bool(one.joint) and max(one.shown) > min(one.joint)
     more_advice = (
         [_LOOKS_ALIKE] if one.alike and parted and not one.shared else [m.advice for m in one.shared]
     )
     advice = "; ".join(dict.fromkeys(filter(None, [advice, *more_advice])))
     status, said = _judged(advice, [note], one, read)
-    others = tuple(Alternative(weight, _turned(o - middle, angle)) for o, weight in one.found.others)
+    shown = [one.found.others[i] for i in (apart if told else range(len(one.found.others)))]
+    alternatives = tuple(Alternative(weight, _turned(o - middle, angle)) for o, weight in shown)
     joint = tuple(sorted({*one.joint, *(s for more in one.shared for s in more.joint)}))
     return Track(
         0, outline, shape, poses, spreads, np.empty(0), np.empty(0), status, said,
-        () if told else others, joint, _motion(fit), _offsets(one, skin), alone, unseen_corner_mm=unseen,
+        alternatives, joint, _motion(fit), _offsets(one, skin), alone, unseen_corner_mm=unseen,
     )  # fmt: skip
 
 

@@ -145,12 +145,15 @@ def _tracked(
         else:
             new = with_stretches(seen, one, left, readings)
             objects = explained_too(new, objects, readings)
-    objects, unlike = together(objects, unlike, stretches, readings)
+    bent = [e for e in unlike if len(e.group) == 1 and (seen := tried[id(e)]) and seen.found.strains_evenly]
+    others = [e for e in unlike if not any(e is b for b in bent)]
+    objects, others = together(objects, others, stretches, readings)
+    unlike = [*bent, *others]
     tracks: list[Track] = []
     while unlike:
         one = unlike.pop(0)
         seen = tried[id(one)]
-        if seen is not None and seen.begun:
+        if seen is not None and seen.begun and not seen.found.strains:
             seen = searched(one, readings, begun=seen)
         if seen is None:
             tracks.append(of_one_scan(one, read, sensor, noise))

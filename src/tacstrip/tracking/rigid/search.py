@@ -44,6 +44,7 @@ from tacstrip.tracking.rigid.starts import (
     needs_smooth_motion,
     spline_over,
 )
+from tacstrip.tracking.rigid.strain import strain_share
 from tacstrip.tracking.rigid.without_path import best_without_path, hopped_fit
 
 _FINE_TURNS = tuple(range(-160, 161, 10))  # degrees
@@ -82,8 +83,10 @@ def search(
     One signature of few strips tells little more than a pose of each scan: there the poses are a spline, as long as
     one explains the readings. Else along a smooth path first, whose poses are free in the end; where that explains
     the readings badly, and if thorough, with more turns, then without a path. What moves along no smooth path is
-    searched for without one first. `offsets`: of channels are looked for. `begun`: what a search that was not thorough
-    found. `starts`: of these scans, where there are some. `round_and_round`: it may turn by more than the turns tried.
+    searched for without one first. Where a strain over time explains most of what the best outline leaves, no other is
+    looked for: what deforms is no rigid object that was not found. `offsets`: of channels are looked for. `begun`: what
+    a search that was not thorough found. `starts`: of these scans, where there are some. `round_and_round`: it may turn
+    by more than the turns tried.
     """
     starts = starts or (begun and begun.starts) or Starts(scans)
     erratic, free, found = starts.erratic, None, begun
@@ -113,12 +116,16 @@ def search(
             if explained(found):
                 return found if few else _on_as_many_knots_as_all_ask_for(scans, found)
         found = _with_offsets(starts, turns, distribution, offsets)
-        if round_and_round and not explained(found) and starts.hopeless:
+        if starts.plain and not explained(found):
+            found = replace(
+                found, strained=strain_share(taken_off(scans, found.offsets), found.fit, found.offsets)
+            )
+        if round_and_round and not (explained(found) or found.strains) and starts.hopeless:
             beyond = starts.best(_WHOLE_TURNS, 1)
             if starts.rough[beyond[0]].cost < min(starts.rough[turn].cost for turn in turns):
                 again = _with_offsets(starts, beyond, distribution, offsets)
                 found = min(found, again, key=lambda f: f.criterion(scans))
-    if not thorough or scans.strips_touched < LEAST_STRIPS:
+    if not thorough or found.strains or scans.strips_touched < LEAST_STRIPS:
         return found
 
     def on_more_turns() -> Found:
@@ -167,15 +174,14 @@ def _on_all_turns(starts: Starts, distribution: str) -> Found | None:
     if starts.unexplained(turns) > _EVERY_LOST:
         return None
     every = _polygons(starts, scans, turns, distribution)
-    found = _compared(scans, every, distribution)
-    for _ in range(_EXPLORED if content(scans, found.fit, distribution) else 0):
-        fits, least = [found.fit, *(fit for fit, _ in found.rivals)], found.fit.criterion(scans)
-        found = _compared(scans, [*fits, *explored(scans, found.fit)], distribution)
-        if found.fit.criterion(scans) > least - 0.5:
-            break
-    rough = _roughly(starts, _BASINS)
-    ends = [_on_all(scans, starts.chosen, fit) for fit in rough]
-    return _compared(scans, [found.fit, *(f for f, _ in found.rivals), *ends], distribution, _WITHIN_KINKS)
+    best = min(every, key=lambda f: f.criterion(scans))
+    best, tried = _improved(scans, best, _EXPLORED if content(scans, best, distribution) else 1)
+    ends = [_on_all(scans, starts.chosen, fit) for fit in _roughly(starts, _BASINS)]
+    new = min(ends, key=lambda f: f.criterion(scans), default=best)
+    if new.criterion(scans) < best.criterion(scans) - 0.5:
+        best, more = _improved(scans, new)
+        tried += more
+    return _among(scans, best, [*every, *tried, *ends], distribution, _WITHIN_KINKS)
 
 
 def _roughly(starts: Starts, kept: int) -> list[Fit]:
@@ -363,16 +369,30 @@ def _polygons(
 
 def _compared(scans: RigidScans, fits: list[Fit], distribution: str, within: float = _WITHIN) -> Found:
     """Return the best of fits of all scans, without corners that it does not need, and those that are about as good."""
-    every = sorted(fits, key=lambda f: f.criterion(scans))
-    best = every[0]
-    if best.cost < WORTH_SETTLING * best.freedom(scans):
-        best, counts = recounted(scans, best)
-        every += counts
-        if reflex(best.corners).any() or scans.strips_touched < FEW_STRIPS:
-            first, *others = explored(scans, best)
-            best, counts = recounted(scans, first) if first is not best else (best, [])
-            every = [*every, *others, *counts]
-    return _among(scans, best, every, distribution, within)
+    best, tried = _improved(scans, min(fits, key=lambda f: f.criterion(scans)))
+    return _among(scans, best, [*fits, *tried], distribution, within)
+
+
+def _improved(scans: RigidScans, fit: Fit, rounds: int = 1) -> tuple[Fit, list[Fit]]:
+    """Return the fit with as many corners as it needs, or a better one from beside it, and all that was tried.
+
+    The fit itself where it is far from the readings. `rounds`: of looking beside it, as long as corners are counted
+    anew from there.
+    """
+    if fit.cost >= WORTH_SETTLING * fit.freedom(scans):
+        return fit, [fit]
+    best, counts = recounted(scans, fit)
+    tried = [fit, best, *counts]
+    for _ in range(rounds if reflex(best.corners).any() or scans.strips_touched < FEW_STRIPS else 0):
+        first, *others = explored(scans, best)
+        tried += others
+        if first is best:
+            break
+        best, counts = recounted(scans, first)
+        tried += [best, *counts]
+        if best is first:  # which has been looked beside
+            break
+    return best, tried
 
 
 def _among(

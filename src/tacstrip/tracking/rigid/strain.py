@@ -19,6 +19,12 @@ _MODES = 3  # growth, stretch and shear; the rotation is the pose's
 _SEEN = 1e-6  # of what the readings tell of a mode were all else known: less is none
 
 
+def strain_share(scans: RigidScans, fit: Fit, offsets: Offsets | None) -> float:
+    """Return the share of what a fit leaves of scans in order of time, beyond noise, that such a strain explains."""
+    gain = strain_gain(scans, fit, offsets, np.arange(len(scans.k)))
+    return gain / max(fit.cost - fit.freedom(scans), 1.0)
+
+
 def strain_gain(scans: RigidScans, fit: Fit, offsets: Offsets | None, times: IntArray) -> float:
     """Return by how much chi square would fall if the outline strained evenly over time, corners and poses following.
 

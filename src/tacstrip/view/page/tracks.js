@@ -37,7 +37,7 @@ export class Tracks {
       const item = document.createElement("li");
       const part = (kind, text, css) => { const e = document.createElement(kind); e.textContent = text; if (css) e.className = css; item.append(e); return e; };
       part("b", one.id);
-      part("span", one.deviation_mm === null ? "no shape" : `${one.corners} corners known to ${one.deviation_mm.toPrecision(2)} mm, from ${one.scans} scans`, "known");
+      part("span", one.deviation_mm === null ? "no shape" : `${one.status === "doubtful" ? "if the outline is right, " : ""}${one.corners} corners known to ${one.deviation_mm.toPrecision(2)} mm, from ${one.scans} scans`, "known");
       part("span", one.status, "status").dataset.s = one.status;
       const way = this.ways.get(one.id) || [];
       if (way.length > 1) item.append(curve(way));
