@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -140,17 +140,102 @@ _SHORT = "{n} scans show it, too few for a shape over time: the outline is that 
 _LOOKS_ALIKE = "another that it shared strips with looks like it: after they parted each may be the other"
 
 
+@dataclass(frozen=True, eq=False)
+class _Estimate:
+    """A rigid outline over time, in the frame in which its track tells it.
+
+    corners (V, 2) [mm] about their mean, as the first scan shows them, and their covariance (2 V, 2 V) [mm^2]; poses
+    (T, 3) and their covariances `spreads` (T, 3, 3) in all scans, NaN where it is not seen. fit: in its own frame, from
+    which `middle` and `angle` lead here. `alone`: the covariance of the fit
+    alone, in its frame; deviation: of channels' offsets [Vref] that are not ruled out. Times by which
+    deviations are larger: `wider` for errors that hang together from scan to scan, `scale` for noise and kinks too.
+    """
+
+    fit: Fit
+    corners: FloatArray
+    covariance: FloatArray
+    alone: FloatArray
+    poses: FloatArray
+    spreads: FloatArray
+    middle: FloatArray
+    angle: float
+    deviation: float
+    wider: float
+    scale: float
+
+    @property
+    def loosest_mm(self) -> float:
+        """The standard deviation of the least certain corner."""
+        return math.sqrt(float(self.covariance.diagonal().reshape(-1, 2).sum(axis=1).max()))
+
+    def loosest_beside_mm(self, one: Object, apart: list[int]) -> float:
+        """Return the same without the rivals `apart`: two deviations of all would be those of none."""
+        near = beside_rivals(one.scans, one.found.without(apart), self.alone, self.deviation)
+        return self.scale * math.sqrt(float(near.diagonal().reshape(-1, 2).sum(axis=1).max()))
+
+    @property
+    def concave(self) -> bool:
+        return bool(reflex(self.corners).any())
+
+
 def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | None) -> Track:
     """Return what is known of an object over time."""
     if one.curve is not None:
         return _curve_over_time(one, one.curve, len(scans), read)
-    fit, skin, total = one.found.fit, read.skin, len(scans)
-    sensor = skin.sensor
+    sensor, estimate = read.skin.sensor, _estimated(one, len(scans), read)
+    fit, few = estimate.fit, one.scans.strips_touched < FEW_STRIPS
+    refuted, rigid = _refuted(one, fit, read)
+    alone = None
+    if not rigid:
+        alone = SingleScans(scans, dict(zip(one.shown, one.runs, strict=True)), sensor, noise)
+    unsure, loosest = tolerated_mm(sensor, estimate.corners), estimate.loosest_mm
+    size = float(np.ptp(estimate.corners, axis=0).max())
+    apart = one.found.apart(max(TOLD * sensor.pitch_mm, _OF_SIZE * size, min(_TELLING * loosest, unsure)))
+    odds = one.found.likely(apart)
+    believed = odds <= _MISSED
+    if apart and believed:
+        loosest = estimate.loosest_beside_mm(one, apart)
+    differ = "" if believed else _NOT_TOLD.format(spread=figures(one.found.spread_mm(apart)))
+    advice = refuted or differ or _not_told(one, estimate)
+    some, own = one.scans.of(one.found.chosen), fit.of(one.found.chosen)
+    unseen = unseen_corner_mm(some, own, estimate.deviation, estimate.scale)
+    loose = DEVIATIONS * loosest > unsure
+    if not advice and not loose and not one.likely and (estimate.concave or few) and fit.basis is None:
+        off, likely = over_all_poses(some, own)
+        if likely and not one.shared:
+            return summarised(one.with_likely(likely), scans, read, noise)
+        loosest = max(loosest, off)
+    if not advice:
+        advice, one = _left_open(one, estimate, loosest, unsure)
+    # scans that it shares strips in tell more, and are not among these
+    hides = [_UNSEEN.format(far=figures(unseen.max()))] * bool(unseen.max() > unsure and not one.shared)
+    rivals = [_OTHERS.format(percent=figures(100.0 * odds))] * bool(apart)
+    notes = [] if advice else [*_notes(one, estimate, rivals), *hides]
+    told = believed and bool(refuted or not advice)
+    parted = bool(one.joint) and max(one.shown) > min(one.joint)
+    more_advice = (
+        [_LOOKS_ALIKE] if one.alike and parted and not one.shared else [m.advice for m in one.shared]
+    )
+    advice = "; ".join(dict.fromkeys(filter(None, [advice, *more_advice])))
+    status, said = _judged(advice, notes, one, read)
+    shown = [one.found.others[i] for i in (apart if told else range(len(one.found.others)))]
+    others = tuple(Alternative(weight, _turned(o - estimate.middle, estimate.angle)) for o, weight in shown)
+    joint = tuple(sorted({*one.joint, *(s for more in one.shared for s in more.joint)}))
+    return Track(
+        0, estimate.corners, estimate.covariance, estimate.poses, estimate.spreads, np.empty(0), np.empty(0),
+        status, said, others, joint, _motion(fit), _offsets(one, read.skin), alone,
+        unseen_corner_mm=unseen,
+    )  # fmt: skip
+
+
+def _estimated(one: Object, total: int, read: Readings) -> _Estimate:
+    """Return the outline and its poses in all scans, with their covariances."""
+    fit, skin = one.found.fit, read.skin
     if area(fit.corners) < 0.0:
         fit = replace(fit, corners=fit.corners[::-1])
     corners, first = fit.corners, int(np.argmin(one.shown))
     middle, angle = corners.mean(axis=0), float(fit.poses[first, 2])
-    outline, spin = _turned(corners - middle, angle), _turned(np.eye(2), angle)
+    spin = _turned(np.eye(2), angle)
     equations = without = information(one.scans, corners, fit.poses)
     offsets = one.found.offsets
     deviation = offsets.upper if offsets else not_ruled_out(one.scans, fit)
@@ -160,97 +245,79 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
     if one.likely:
         by_offsets = shape - covariances(without, corners, fit.poses)[0] if deviation else 0.0
         shape = one.likely.covariance + by_offsets
-        of_poses = poses_of_shape(without, shape, sensor.pitch_mm)
+        of_poses = poses_of_shape(without, shape, skin.sensor.pitch_mm)
     order = np.argsort(one.shown)
     wider = following(one.scans.of(order), corners, fit.poses[order])
     found_noise = one.noise_found(read.sigma) ** 2
     of_poses = poses_beside_rivals(one.scans, one.found, of_poses)
     of_poses = found_noise * (of_poses + _shared_by_strips(one, fit, order))
     kinked = _KINKED if offsets and fit.basis is None and one.scans.strips_touched < FEW_STRIPS else 1.0
-    widened, own_shape = found_noise * kinked * wider**2, shape
-    shape = widened * beside_rivals(one.scans, one.found, own_shape, deviation)
+    own_shape, scale = shape, wider * math.sqrt(found_noise * kinked)
+    shape = found_noise * kinked * wider**2 * beside_rivals(one.scans, one.found, own_shape, deviation)
     all_spin = np.kron(np.eye(len(corners)), spin.T)
     shape = np.asarray(all_spin @ shape @ all_spin.T)
     poses, spreads = np.full((total, 3), np.nan), np.full((total, 3, 3), np.nan)
     poses[one.shown], spreads[one.shown] = _reframed(fit.poses, of_poses, middle, angle)
     for more in one.shared:
         poses[more.scans], spreads[more.scans] = _reframed(more.poses, more.covariances, middle, angle)
-    poses[:, 0] += skin.span.start * sensor.pitch_mm
+    poses[:, 0] += skin.span.start * skin.sensor.pitch_mm
     poses[:, 2] = less_than_half_turns(poses[:, 2])
-    advice, note, alone = "", "", None
+    outline = _turned(corners - middle, angle)
+    return _Estimate(fit, outline, shape, own_shape, poses, spreads, middle, angle, deviation, wider, scale)
+
+
+def _refuted(one: Object, fit: Fit, read: Readings) -> tuple[str, bool]:
+    """Return advice, or none, on an object of too few strips or one that deforms, and whether it is rigid."""
+    sensor = read.skin.sensor
     rigid = bool(one.likely) or content(one.scans, fit, read.distribution)
     if one.scans.strips_touched < LEAST_STRIPS and not one.shared:
-        advice = _SMALL
-    elif not rigid:
+        return _SMALL, rigid
+    if not rigid:
         times = math.sqrt(fit.cost / fit.freedom(one.scans))
         why = _BENT if one.found.strains else _NOT_RIGID
-        advice = why.format(times=figures(times, 3), unit=_uncalibrated(one, sensor))
-    elif not one.likely and (gain := _strain_gain(one)) > _STRAINED:
-        rigid, advice = False, _STRAINS.format(gain=figures(gain, 3), unit=_uncalibrated(one, sensor))
-    if not rigid:
-        alone = SingleScans(scans, dict(zip(one.shown, one.runs, strict=True)), sensor, noise)
-    concave, few = bool(reflex(outline).any()), one.scans.strips_touched < FEW_STRIPS
-    loosest = math.sqrt(float(shape.diagonal().reshape(-1, 2).sum(axis=1).max()))
-    size = float(np.ptp(outline, axis=0).max())
-    unsure = tolerated_mm(sensor, outline)
-    apart = one.found.apart(max(TOLD * sensor.pitch_mm, _OF_SIZE * size, min(_TELLING * loosest, unsure)))
-    odds = one.found.likely(apart)
-    told = odds <= _MISSED
-    if apart and told:  # two deviations of all would be those of none
-        near = beside_rivals(one.scans, one.found.without(apart), own_shape, deviation)
-        loosest = math.sqrt(widened * float(near.diagonal().reshape(-1, 2).sum(axis=1).max()))
-    if not advice and not told:
-        advice = _NOT_TOLD.format(spread=figures(one.found.spread_mm(apart)))
-    elif not advice and _hardly_moved(one, outline, poses[np.isfinite(poses[:, 0])]):
-        told, advice = False, _HARDLY_MOVED.format(n=len(one.shown))
-    elif not advice and fit.basis is None and len(one.scans.read) == 1 and few:
-        told, advice = False, _NO_PATH
-    elif not advice and fit.basis is not None and few and len(outline) >= FIRST:
-        told, advice = False, _CURVED.format(n=len(outline))
-    some, own = one.scans.of(one.found.chosen), fit.of(one.found.chosen)
-    unseen = unseen_corner_mm(some, own, deviation, wider * math.sqrt(found_noise * kinked))
-    loose = DEVIATIONS * loosest > unsure
-    if not advice and not loose and not one.likely and (concave or few) and fit.basis is None:
-        off, likely = over_all_poses(some, own)
-        if likely and not one.shared:
-            return summarised(one.with_likely(likely), scans, read, noise)
-        loosest = max(loosest, off)
-    if not advice and DEVIATIONS * loosest > unsure:
-        told, advice = False, _LOOSE.format(far=figures(DEVIATIONS * loosest))
-    elif not advice and (other := one.found.of_other_count(_COUNTED * sensor.pitch_mm)):
-        told, advice = False, _COUNT.format(n=other)
-    elif not advice and concave and notch_gain(some, own, unsure) < _OPEN:
-        told, advice = False, _NOTCH.format(far=unsure)
-    elif (
-        not advice
-        and few
-        and not concave
-        and (tip := unread_tips_mm(some, own).max()) > _UNREAD * sensor.pitch_mm
-    ):
-        told, advice = False, _TIP.format(far=figures(tip))
-    elif not advice and (cut := _with_a_corner_cut(one)):
-        told, advice, one = False, _COUNT.format(n=len(outline) + 1), cut
-    elif not advice:
-        tied = fit.basis is not None and few
-        wander = [_WANDERS.format(times=figures(wider))] * (wider > 1.0)
-        # scans that it shares strips in tell more, and are not among these
-        hides = [_UNSEEN.format(far=figures(unseen.max()))] * bool(unseen.max() > unsure and not one.shared)
-        kinks = [_KINKS] * bool(one.likely)
-        others = [_OTHERS.format(percent=figures(100.0 * odds))] * bool(apart)
-        note = "; ".join([_CONCAVE] * concave + [_SMOOTH] * tied + kinks + others + wander + hides)
-    parted = bool(one.joint) and max(one.shown) > min(one.joint)
-    more_advice = (
-        [_LOOKS_ALIKE] if one.alike and parted and not one.shared else [m.advice for m in one.shared]
-    )
-    advice = "; ".join(dict.fromkeys(filter(None, [advice, *more_advice])))
-    status, said = _judged(advice, [note], one, read)
-    shown = [one.found.others[i] for i in (apart if told else range(len(one.found.others)))]
-    alternatives = tuple(Alternative(weight, _turned(o - middle, angle)) for o, weight in shown)
-    joint = tuple(sorted({*one.joint, *(s for more in one.shared for s in more.joint)}))
-    return Track(
-        0, outline, shape, poses, spreads, np.empty(0), np.empty(0), status, said,
-        alternatives, joint, _motion(fit), _offsets(one, skin), alone, unseen_corner_mm=unseen,
-    )  # fmt: skip
+        return why.format(times=figures(times, 3), unit=_uncalibrated(one, sensor)), False
+    if not one.likely and (gain := _strain_gain(one)) > _STRAINED:
+        return _STRAINS.format(gain=figures(gain, 3), unit=_uncalibrated(one, sensor)), False
+    return "", True
+
+
+def _not_told(one: Object, estimate: _Estimate) -> str:
+    """Return advice, or none, on motion that does not tell the shape."""
+    fit, few = estimate.fit, one.scans.strips_touched < FEW_STRIPS
+    if _hardly_moved(one, estimate.corners, estimate.poses[np.isfinite(estimate.poses[:, 0])]):
+        return _HARDLY_MOVED.format(n=len(one.shown))
+    if fit.basis is None and len(one.scans.read) == 1 and few:
+        return _NO_PATH
+    if fit.basis is not None and few and len(estimate.corners) >= FIRST:
+        return _CURVED.format(n=len(estimate.corners))
+    return ""
+
+
+def _left_open(one: Object, estimate: _Estimate, loosest: float, unsure: float) -> tuple[str, Object]:
+    """Return advice, or none, on what scans leave open of a shape, and the object with the rival that they leave.
+
+    loosest: the standard deviation of its least certain corner [mm]; unsure: what is tolerated of two of them.
+    """
+    pitch_mm, few = one.scans.sensor.pitch_mm, one.scans.strips_touched < FEW_STRIPS
+    some, own = one.scans.of(one.found.chosen), estimate.fit.of(one.found.chosen)
+    if DEVIATIONS * loosest > unsure:
+        return _LOOSE.format(far=figures(DEVIATIONS * loosest)), one
+    if other := one.found.of_other_count(_COUNTED * pitch_mm):
+        return _COUNT.format(n=other), one
+    if estimate.concave and notch_gain(some, own, unsure) < _OPEN:
+        return _NOTCH.format(far=unsure), one
+    if few and not estimate.concave and (tip := unread_tips_mm(some, own).max()) > _UNREAD * pitch_mm:
+        return _TIP.format(far=figures(tip)), one
+    if cut := _with_a_corner_cut(one):
+        return _COUNT.format(n=len(estimate.corners) + 1), cut
+    return "", one
+
+
+def _notes(one: Object, estimate: _Estimate, rivals: list[str]) -> list[str]:
+    """Return what is to be known of a shape that nothing speaks against; `rivals`: that others may be right."""
+    tied = estimate.fit.basis is not None and one.scans.strips_touched < FEW_STRIPS
+    wander = [_WANDERS.format(times=figures(estimate.wider))] * (estimate.wider > 1.0)
+    return [*[_CONCAVE] * estimate.concave, *[_SMOOTH] * tied, *[_KINKS] * bool(one.likely), *rivals, *wander]
 
 
 def tolerated_mm(sensor: Sensor, outline: FloatArray) -> float:
