@@ -168,6 +168,26 @@ def test_objects_that_were_not_known_yet_are_not_those_that_are_not_there(tmp_pa
     assert any(said in line for line in summary(recording, recording))
 
 
+def test_shapes_that_were_not_known_are_not_those_that_are_not_there(tmp_path: Path) -> None:
+    spec, path = sensor(), tmp_path / "a.mcap"
+    known = Shape("ok", np.array([(0.0, 0.0), (9.0, 0.0), (0.0, 9.0)]))
+    shapes: list[tuple[Shape, ...] | None] = [(), None, (known,)]
+    with Recorder(path, spec, spec.signatures, ORIGIN) as recorder:
+        record(
+            [replace(raw, shapes=some) for raw, some in zip(source(spec, 3), shapes, strict=True)], recorder
+        )
+    raws = list(Recording(path))
+    assert [raw.shapes if not raw.shapes else len(raw.shapes) for raw in raws] == [(), None, 1]
+    write_npz(tmp_path / "a.npz", Recording(path))
+    with np.load(tmp_path / "a.npz") as arrays:
+        assert arrays["polygon_known"].tolist() == [True, False, True]
+        assert arrays["polygon_scan"].tolist() == [2]
+    lines = [json.loads(json_line(i, raw, decode(raw, spec)))["shapes"] for i, raw in enumerate(raws)]
+    assert lines[:2] == [[], None]
+    recording = Recording(path)
+    assert any("shapes are not known of 1 scan(s): " in line for line in summary(recording, recording))
+
+
 def test_objects_over_time_come_back_also_without_tacstrip(tmp_path: Path) -> None:
     spec, own = sensor(), np.array([(-8.0, -6.0), (9.0, -5.0), (0.0, 11.0)])
     pose = np.array([20.0, 50.0, 0.5])

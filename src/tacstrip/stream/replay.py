@@ -24,10 +24,12 @@ from tacstrip.stream.recording.messages import (
     NAMES,
     NANO,
     POLYGON,
+    RECONSTRUCTED,
     SCANS,
     SEARCHING,
     TRACK,
     read_polygon,
+    read_reconstructed,
     read_scan,
     read_searching,
     read_track,
@@ -36,6 +38,7 @@ from tacstrip.stream.recording.recorder import (
     ABOUT,
     FORMAT,
     POLYGON_TOPICS,
+    RECONSTRUCTED_TOPIC,
     SCAN_TOPIC,
     SEARCHING_TOPIC,
     SPEC,
@@ -147,7 +150,11 @@ class Recording:
             elif channel.topic in _STATUS and schema == POLYGON and last is not None:
                 with self._located():
                     shape = read_polygon(record.data, _STATUS[channel.topic])
-                last = replace(last, shapes=(*last.shapes, shape))
+                last = replace(last, shapes=(*(last.shapes or ()), shape))
+            elif channel.topic == RECONSTRUCTED_TOPIC and schema == RECONSTRUCTED and last is not None:
+                with self._located():
+                    known = read_reconstructed(record.data)
+                last = last if known else replace(last, shapes=last.shapes or None)
             elif channel.topic == TRACK_TOPIC and schema == TRACK and last is not None:
                 with self._located():
                     track = read_track(record.data)
