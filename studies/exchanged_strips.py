@@ -49,7 +49,9 @@ def sound_log(seed: int) -> tuple[Log, str]:
     share = np.linspace(0.0, 1.0, scans)
     here = rng.uniform(0.35, 0.65, 2)
     there = rng.uniform(0.25, 0.75, 2) if motion == "slides" else here
-    turned = rng.uniform(-np.pi, np.pi) + share * (rng.choice([-1, 1]) * rng.uniform(0.3, 2.0)) * (motion == "turns")
+    turned = rng.uniform(-np.pi, np.pi) + share * (rng.choice([-1, 1]) * rng.uniform(0.3, 2.0)) * (
+        motion == "turns"
+    )
     contacts = [
         Contact.polygon(outline).turned(float(a)).placed(*((here + s * (there - here)) * (sensor.width_mm, sensor.length_mm)))
         for a, s in zip(turned, share, strict=True)
@@ -113,7 +115,9 @@ def pairs(log: Log, seed: int) -> tuple[tuple[int, int], tuple[int, int]]:
     return (one, one + 1), (min(a, b), max(a, b))
 
 
-def counted(seeds: Sequence[int], verbose: bool = False) -> tuple[dict[tuple[str, str], Counter[str]], Counter[str]]:
+def counted(
+    seeds: Sequence[int], verbose: bool = False
+) -> tuple[dict[tuple[str, str], Counter[str]], Counter[str]]:
     """Count what is said, by how far apart the two are and by motion, and the alarms of sound logs."""
     table: dict[tuple[str, str], Counter[str]] = {}
     sound: Counter[str] = Counter()
@@ -136,7 +140,10 @@ def counted(seeds: Sequence[int], verbose: bool = False) -> tuple[dict[tuple[str
         sound["neighbours touched"] += len(both)
         sound["of these not checked"] += sum(bool({i, j} & untold) for i, j in both)
         if verbose and (report.findings or report.questions):
-            what = [(n.strips, getattr(n, "fault", getattr(n, "causes", ""))) for n in (*report.findings, *report.questions)]
+            what = [
+                (n.strips, getattr(n, "fault", getattr(n, "causes", "")))
+                for n in (*report.findings, *report.questions)
+            ]
             print(seed, "sound", motion, what)  # noqa: T201
     return table, sound
 

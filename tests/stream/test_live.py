@@ -240,6 +240,7 @@ def test_json_lines_and_a_reader_that_goes() -> None:
     assert all(a["scan"] < b["scan"] for a, b in pairwise(lines))  # a busy computer skips some
     (one,) = lines[-1]["objects"]
     assert one["id"] == 1
+    assert lines[-1]["status"] == one["status"]
     assert np.abs(np.array(one["vertices_mm"]) - SHAPE.vertices).max() < 5.0
 
 

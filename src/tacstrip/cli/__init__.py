@@ -8,6 +8,7 @@ import errno
 import importlib
 import itertools
 import os
+import shlex
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
@@ -261,7 +262,7 @@ def load_log(file: Path, spec: str | None, call: str = "--sensor sensor.toml") -
 def warn_of_input(name: str | Path, source: Source) -> None:
     """Warn of what is probably not meant in a source that is a file, as far as it can be read."""
     from tacstrip.diagnose.log import Log
-    from tacstrip.io.input_checks import half_read, misread
+    from tacstrip.io.input_checks import clock_back, half_read, misread
     from tacstrip.sensor.spec import Sensor
     from tacstrip.stream.replay import ReadingsSource, Recording
 
@@ -275,6 +276,7 @@ def warn_of_input(name: str | Path, source: Source) -> None:
         return
     if isinstance(source, ReadingsSource):
         warn(half_read(name, source.sensor, source.names), *misread(name, log.sensor, log.raw))
+    warn(clock_back(name, log.time_s))
     warn_of_log(name, log)
 
 
@@ -303,7 +305,7 @@ def warn_of_order(name: str | Path, log: Log) -> tuple[tuple[int, ...], str]:
     sensor = "" if str(name).lower().endswith(".mcap") else " --sensor SENSOR"
     warn(
         f"{told}: each fits where the other should be. Check their cables, or the order of the log's columns; "
-        f"`tacstrip doctor {name}{sensor}` says more",
+        f"`tacstrip doctor {shlex.quote(str(name))}{sensor}` says more",
         file=name,
     )
     return strips, told

@@ -21,6 +21,7 @@ from tacstrip.io.columns import BEGIN_SPEC
 from tacstrip.io.input_checks import readings_suspicions
 from tacstrip.io.readings import read_unchecked
 from tacstrip.io.table import write_table
+from tacstrip.scan import time_goes_back
 from tacstrip.stream.codes import decode
 from tacstrip.stream.recording.recorder import Recorder
 from tacstrip.stream.replay import ReadingsSource, Recording, open_source
@@ -72,6 +73,8 @@ def command(
     scans = read_unchecked(files[-1], spec) if decoded is None else decoded
     if not any(scan.touched.any() for scan in scans):
         raise ReadingError(f"{files[-1]}: no strip is touched in any of {len(scans)} scan(s)")
+    if told := time_goes_back(np.array([scan.time_s for scan in scans])):
+        raise ReadingError(f"{files[-1]}: {told}")
     if source is None:
         warn(*readings_suspicions(files[-1], spec, scans))
         warn_of_order(files[-1], Log.of_scans(spec, scans))

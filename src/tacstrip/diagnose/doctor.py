@@ -31,6 +31,7 @@ from tacstrip.diagnose.questions import questions
 from tacstrip.diagnose.regression import moved_to_and_fro
 from tacstrip.diagnose.shorts import shorts, tied_under_outline
 from tacstrip.io.input_checks import other_scale
+from tacstrip.scan import time_goes_back
 from tacstrip.sensor.left_out import channel_name, left_out, left_out_wholly
 from tacstrip.sensor.rest_level import all_read_hint, rest_hint
 
@@ -522,11 +523,11 @@ def _not_checked(log: Log, work: WorkingCopy, ill: set[int], asked: set[int]) ->
 
 def _pauses(time_s: FloatArray) -> str:
     """Say how many scans of an even recording are missing; empty where none are."""
+    if told := time_goes_back(time_s):
+        return f"drift and hum: {told}"
     step = np.diff(time_s)
     if len(step) < _FEWEST or not (period := float(np.median(step))) > 0.0:
         return ""
-    if (back := int(np.count_nonzero(step < 0.0))) > 0:
-        return f"drift and hum across {back} place(s) where the scans' time goes back"
     pause = step > 1.5 * period
     if np.mean(np.abs(step - period) < 0.2 * period) < _EVEN:
         return ""

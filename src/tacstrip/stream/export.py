@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import zipfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -126,7 +127,7 @@ def write_shapes(path: str | Path, source: Recording) -> int:
     features += [_track_feature(raw.time_s, one) for raw in scans for one in raw.tracks or ()]
     if not features:
         raise RecordingError(
-            f"{source.path}: it holds no polygons; `tacstrip record {source.path} -o NEW.mcap --reconstruct METHOD` "
+            f"{source.path}: it holds no polygons; `tacstrip record {shlex.quote(str(source.path))} -o NEW.mcap --reconstruct METHOD` "
             "adds them"
         )
     collection["features"] = features

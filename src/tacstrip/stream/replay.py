@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import shlex
 import time
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -117,7 +118,7 @@ class Recording:
         if spec is None or about is None:
             self._fail(
                 f"it has no attachment {SPEC} or no metadata {ABOUT!r}: not a recording of tacstrip; "
-                f"`tacstrip import {self.path} SENSOR -o readings.csv` says what makes readings of it"
+                f"`tacstrip import {shlex.quote(str(self.path))} SENSOR -o readings.csv` says what makes readings of it"
             )
         self.about = about
         self.names = self._names_in(about)

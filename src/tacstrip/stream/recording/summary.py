@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections import Counter
 from collections.abc import Iterable
 from datetime import UTC, datetime
@@ -42,14 +43,14 @@ def summary(source: Recording, scans: Iterable[RawScan]) -> list[str]:
     if unread:
         lines.append(
             f"shapes are not known of {unread} scan(s): the computer was behind, or they could not be used; "
-            f"`tacstrip record {source.path} -o NEW.mcap --reconstruct METHOD` adds them"
+            f"`tacstrip record {shlex.quote(str(source.path))} -o NEW.mcap --reconstruct METHOD` adds them"
         )
     if tracks:
         by_number = ", ".join(f"object {number} in {scans} scans" for number, scans in sorted(tracks.items()))
         lines.append(f"objects over time: {by_number}")
     if unknown:
         lines.append(
-            f"objects over time were not known yet in {unknown} scan(s): `tacstrip track {source.path}` finds them"
+            f"objects over time were not known yet in {unknown} scan(s): `tacstrip track {shlex.quote(str(source.path))}` finds them"
         )
     shown = ("source", "sensor", "method", "made")
     return lines + [f"{key}: {text}" for key, text in source.about.items() if key in shown and text]
