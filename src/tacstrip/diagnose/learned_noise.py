@@ -250,11 +250,11 @@ def _share(part: float, whole: float) -> float:
 
 def _series(log: Log) -> tuple[float, tuple[str, ...], FloatArray, bool]:
     """Return the time from scan to scan [s], the channels' names and readings at even times, and if touched."""
+    if told := time_goes_back(log.time_s):
+        raise ReadingError(told)
     count = len(log.time_s)
     if count < _FEWEST:
         raise ReadingError(f"{count} scans tell nothing of the noise: record a minute of a still press")
-    if told := time_goes_back(log.time_s):
-        raise ReadingError(told)
     steps = np.diff(log.time_s)
     period_s = float(np.median(steps))
     if not period_s > 0.0:
