@@ -70,7 +70,8 @@ def swapped_wires(work: WorkingCopy) -> Iterator[Suspect]:
     touched = known > 0
     if len(exchanged) > max(2, 0.6 * np.count_nonzero(touched)) and _all_below(mean[touched], least):
         evidence = (
-            f"v_h lies below v_l on {len(exchanged)} of {np.count_nonzero(touched)} strips that were touched"
+            f"v_h lies below v_l on {len(exchanged)} of {np.count_nonzero(touched)} strips that were touched, "
+            "unless all readings are measured from Vref down (`tacstrip import ... --answer exchanged=from_vref`)"
         )
         numbers = {"strips": float(len(exchanged))}
         explained = -float(mean[exchanged].mean())
