@@ -30,6 +30,7 @@ from tacstrip.diagnose.pressure import pressure
 from tacstrip.diagnose.questions import questions
 from tacstrip.diagnose.regression import moved_to_and_fro
 from tacstrip.diagnose.shorts import shorts, tied_under_outline
+from tacstrip.diagnose.strip_order import Orders, compared_orders, order_question, order_unknown
 from tacstrip.io.input_checks import other_scale
 from tacstrip.scan import time_goes_back
 from tacstrip.sensor.left_out import channel_name, left_out, left_out_wholly
@@ -103,7 +104,7 @@ def diagnose(log: Log) -> Report:
     unchecked = [
         log.missing,
         _pauses(log.time_s),
-        *_not_checked(part, seen.rows, known, {i for q in questions for i in q.strips}),
+        *_not_checked(part, seen, known, {i for q in questions for i in q.strips}),
         *seen.unchecked,
         *_drift_not_checked(part, seen.least_drift, known),
     ]
@@ -215,7 +216,7 @@ class _Examined:
 
     findings: broken ones first, of these the surest; removed: those of them that were repaired in `rows`, a row for
     each place. notes: of drift; least_drift: of each strip that would be told, over Vref (strips,); settled: what needs
-    no quarters. at_rest: whether, and how, strips that nothing touches count as touched. unchecked: of loose wires,
+    no quarters. orders: the strips' order against others, where it is judged. at_rest: whether, and how, strips that nothing touches count as touched. unchecked: of loose wires,
     bits and hum.
     """
 
@@ -229,6 +230,7 @@ class _Examined:
     settled: frozenset[_Place]
     at_rest: str
     unchecked: tuple[str, ...]
+    orders: Orders | None
 
 
 def _examined(part: Log, kinds: Set[str] = FAULTS.keys(), sought: Set[_Place] = frozenset()) -> _Examined:
@@ -281,6 +283,11 @@ def _examined(part: Log, kinds: Set[str] = FAULTS.keys(), sought: Set[_Place] = 
         if geometric and not (pressed or ceiling)
         else ()
     )
+    orders = compared_orders(rows) if geometric and _ORDER in kinds and not (pressed or ceiling) else None
+    if orders is not None:
+        told = {i for q in asked for i in q.strips} | {i for f in findings for i in f.strips}
+        if question := order_question(rows, orders, told):
+            asked = (*asked, question)
     return _Examined(
         findings=tuple(sorted(findings, key=lambda f: _WORST[f.kind.severity])),
         questions=asked,
@@ -297,6 +304,7 @@ def _examined(part: Log, kinds: Set[str] = FAULTS.keys(), sought: Set[_Place] = 
             no_bits,
             no_hum,
         ),
+        orders=orders,
     )
 
 
@@ -485,8 +493,9 @@ def _offset(expected: FloatArray, off: FloatArray, sigma: float) -> float:
     return float(middle) if low * high > 0.0 else 0.0
 
 
-def _not_checked(log: Log, work: WorkingCopy, ill: set[int], asked: set[int]) -> Iterator[str]:
+def _not_checked(log: Log, seen: _Examined, ill: set[int], asked: set[int]) -> Iterator[str]:
     """Yield what this recording could not show; `ill` are strips that are named already, `asked` those in question."""
+    work = seen.rows
     base = log.sensor.strip_base
     silent = left_out_wholly(log.sensor)
     if silent.any():
@@ -509,6 +518,9 @@ def _not_checked(log: Log, work: WorkingCopy, ill: set[int], asked: set[int]) ->
     if len(work.there) < 6:
         what = "shorts, strips exchanged, stuck channels, saturation"
         yield f"{what}: the contact stood at {len(work.there)} place(s); move and turn it"
+    elif wide >= 4 and seen.orders is not None and (open_ := order_unknown(work, seen.orders) - ill - asked):
+        names = _names([i + base for i in sorted(open_)])
+        yield f"strips exchanged, of {names}: an exchange would go unnoticed; move the contact across them, and turn it"
     known = np.any([np.isfinite(neighbour_residuals(work, n)[0]).any(axis=0) for n in work.k], axis=0)
     alone = [
         int(number) + base

@@ -37,6 +37,7 @@ _MOVES, _ALONG = 0.2, 0.4  # over Vref, what neighbours must move; correlation
 _OFF_LINE = 0.75  # of the slope around: largest offset of two strips from the line
 # Different footprints of contacts that end between two strips, if all lie on one side, and at the sensor's edges.
 _FOOTPRINTS, _FOOTPRINTS_AT_EDGE = 5, 3
+_TOLD, _TOLD_AT_EDGE = 0.4, 0.25  # of the misfit, what is left with the two exchanged
 _UNUSUAL = 2.0  # times the median misfit of all pairs
 _AWAY = 0.2  # of a strip's places: it is touched away from the contact
 _ELSEWHERE = 0.06  # over Vref: a strip this far off what its neighbours expect may be another
@@ -267,7 +268,7 @@ def _neighbours_exchanged(work: WorkingCopy) -> Iterator[Suspect]:
             least = _FOOTPRINTS_AT_EDGE if at_edge else _FOOTPRINTS
             often = len(np.unique(gaps, axis=0)) >= least
         edges = left + right >= 4 and left + right >= 5 * against and (often or not one_sided)
-        clearly = slope.clear and exchanged < (0.25 if at_edge else 0.4) * misfit
+        clearly = slope.clear and exchanged < (_TOLD_AT_EDGE if at_edge else _TOLD) * misfit
         runs_back = clearly and misfit > _UNUSUAL * usual and slope.to_and_fro
         if runs_back or (edges and not (slope.clear and misfit < 0.7 * exchanged)):
             evidence = []
@@ -293,6 +294,24 @@ def _neighbours_exchanged(work: WorkingCopy) -> Iterator[Suspect]:
             )
             # Further from where the contact is than one strip, it is no neighbour's place.
             yield replace(suspect, doubtful=bool((away[two] > _AWAY).any()))
+
+
+def told_by_slope(work: WorkingCopy) -> set[int]:
+    """Return the places that the slope across them would show to be exchanged with the next one."""
+    slopes = [
+        _Slope([p for v in work.k.values() if (p := neighbour_pair(v, i))], work.sigma)
+        for i in range(work.strips - 1)
+    ]
+    usual = float(np.median([t.misfit for t in slopes if t.places] or [0.0]))
+    edges, n = {0, work.strips - 2}, _UNUSUAL * usual
+    return {
+        i
+        for i, t in enumerate(slopes)
+        if t.clear
+        and t.misfit < (_TOLD_AT_EDGE if i in edges else _TOLD) * t.misfit_exchanged
+        and t.misfit_exchanged > n
+        and t.to_and_fro
+    }
 
 
 @dataclass(frozen=True, eq=False)
