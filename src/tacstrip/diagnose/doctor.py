@@ -30,7 +30,7 @@ from tacstrip.diagnose.pressure import pressure
 from tacstrip.diagnose.questions import questions
 from tacstrip.diagnose.regression import moved_to_and_fro
 from tacstrip.diagnose.shorts import shorts, tied_under_outline
-from tacstrip.diagnose.strip_order import Orders, compared_orders, order_question, order_unknown
+from tacstrip.diagnose.strip_order import Orders, compared_orders, joined, order_question, order_unknown
 from tacstrip.io.input_checks import other_scale
 from tacstrip.scan import time_goes_back
 from tacstrip.sensor.left_out import channel_name, left_out, left_out_wholly
@@ -283,14 +283,14 @@ def _examined(part: Log, kinds: Set[str] = FAULTS.keys(), sought: Set[_Place] = 
         if geometric and not (pressed or ceiling)
         else ()
     )
-    orders = compared_orders(rows) if geometric and _ORDER in kinds and not (pressed or ceiling) else None
-    if orders is not None:
-        told = {i for q in asked for i in q.strips} | {i for f in findings for i in f.strips}
-        if question := order_question(rows, orders, told):
-            asked = (*asked, question)
+    orders = None
+    if geometric and _ORDER in kinds and rows.there.any() and not (pressed or ceiling):
+        orders, unrepaired = compared_orders(rows), places(as_read) if suspects else rows
+        question = order_question(unrepaired, compared_orders(unrepaired) if suspects else orders)
+        findings, asked = joined(question, unrepaired, findings, asked) if question else (findings, asked)
     return _Examined(
         findings=tuple(sorted(findings, key=lambda f: _WORST[f.kind.severity])),
-        questions=asked,
+        questions=tuple(asked),
         removed=removed,
         rows=rows,
         noise=noise,

@@ -256,7 +256,7 @@ def _neighbours_exchanged(work: WorkingCopy) -> Iterator[Suspect]:
         for i in range(work.strips - 1)
     }
     usual = float(np.median([t.misfit for t in slopes.values() if t.places] or [0.0]))
-    away = _away_from_contact(work.there)
+    away = touched_elsewhere(work)
     for strip, slope in slopes.items():
         against, left, right, gaps = _edges(work, strip)
         at_edge = strip in (0, work.strips - 2)  # contacts go on to one side of the two only
@@ -293,7 +293,7 @@ def _neighbours_exchanged(work: WorkingCopy) -> Iterator[Suspect]:
                 "swapped-strips", two, "; ".join(evidence), numbers, explained, repair=repair
             )
             # Further from where the contact is than one strip, it is no neighbour's place.
-            yield replace(suspect, doubtful=bool((away[two] > _AWAY).any()))
+            yield replace(suspect, doubtful=bool(away[two].any()))
 
 
 def told_by_slope(work: WorkingCopy) -> set[int]:
@@ -474,6 +474,11 @@ def _misfits(work: WorkingCopy) -> FloatArray:
         mean = (over * np.minimum(off, _ONE_CONTACT)).sum(axis=0) / np.maximum(count, 1)
         total += np.where(count >= _FEW, mean, 0.0) / len(work.k)
     return total
+
+
+def touched_elsewhere(work: WorkingCopy) -> BoolArray:
+    """Return which strips (strips,) are often touched where no contact is beside them."""
+    return np.asarray(_away_from_contact(work.there) > _AWAY)
 
 
 def _away_from_contact(there: BoolArray) -> FloatArray:

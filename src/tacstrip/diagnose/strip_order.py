@@ -7,13 +7,14 @@ is, is a question. Of an order that takes nothing away and adds nothing, the rec
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
-from tacstrip.diagnose.exchanged import told_by_slope
-from tacstrip.diagnose.faults import Question
+from tacstrip.diagnose.exchanged import told_by_slope, touched_elsewhere
+from tacstrip.diagnose.faults import Finding, Question
 from tacstrip.diagnose.neighbour_prediction import WorkingCopy
 
 _GAP = 0.15  # over Vref: how rough a gap counts, and the most that anything does
@@ -22,6 +23,7 @@ _COMPARED = 120  # rows
 # Footprints in which an order is better, by so much over Vref and signature, and what it leaves at the most; of all.
 _FOOTPRINTS, _BETTER, _LEAVES = 3, 0.02, 0.6
 _WORSE = 0.3  # footprints in which it is worse, over those in which it is better
+_SILENT = ("open-strip", "dead", "intermittent")
 _KNOWN = 0.7  # of the triples: an order that leaves fewer to compare is none
 
 
@@ -133,19 +135,43 @@ class _Roughness:
         return np.stack([np.nan_to_num(off).sum(axis=0), np.isfinite(off).sum(axis=0)])
 
 
-def order_question(rows: WorkingCopy, orders: Orders, named: set[int]) -> Question | None:
-    """Ask about the two strips whose exchange makes the readings smoothest, where it does; none of those `named`."""
-    for best in np.argsort(-np.where(orders.better, orders.gain, 0.0)):
-        if not orders.better[best]:
-            return None
-        strips = tuple(sorted(int(rows.order[p]) for p in orders.pairs[best]))
-        if not named & set(strips):
-            evidence = (
-                f"with the two exchanged, they and the next strips lie {100.0 * orders.gain[best] / len(rows.k):.2g} % of "
-                "Vref less off their neighbours' lines, added up, wherever the contact is"
-            )
-            return Question(strips, ("swapped-strips",), evidence)
-    return None
+def order_question(rows: WorkingCopy, orders: Orders) -> Question | None:
+    """Ask about the two strips whose exchange makes the readings smoothest, where one does."""
+    if not orders.better.any():
+        return None
+    best = int(np.argmax(np.where(orders.better, orders.gain, -np.inf)))
+    evidence = (
+        f"with the two exchanged, they and the next strips lie {100.0 * orders.gain[best] / len(rows.k):.2g} % of Vref "
+        "less off their neighbours' lines, added up, wherever the contact is"
+    )
+    return Question(
+        tuple(sorted(int(rows.order[p]) for p in orders.pairs[best])), ("swapped-strips",), evidence
+    )
+
+
+def joined(
+    question: Question, rows: WorkingCopy, findings: Sequence[Finding], asked: Sequence[Question]
+) -> tuple[list[Finding], list[Question]]:
+    """Return findings and questions with that of two strips' order; what it explains as well becomes its other cause.
+
+    A strip that reads nothing, and another that reads something where no contact is, may be in each other's places. Any
+    other finding of one of the two explains more than an order does.
+    """
+    two = set(question.strips)
+    astray = touched_elsewhere(rows)[[int(np.flatnonzero(rows.order == i)[0]) for i in question.strips]].any()
+    silent = [f for f in findings if astray and f.fault in _SILENT and set(f.strips) <= two]
+    if any(two & set(f.strips) for f in findings if f not in silent):
+        return list(findings), list(asked)
+    same = [q for q in asked if two & set(q.strips)]
+    if any("swapped-strips" in q.causes for q in same):
+        return list(findings), list(asked)
+    others = [*(f.fault for f in silent), *(cause for q in same for cause in q.causes)]
+    beside = {i + side for i in two for side in (-1, 0, 1)}  # they lie off a line through one of the two
+    asked = [q for q in asked if not q.strips or not set(q.strips) <= beside]
+    return [f for f in findings if f not in silent], [
+        *asked,
+        replace(question, causes=(*question.causes, *others[:1])),
+    ]
 
 
 def order_unknown(rows: WorkingCopy, orders: Orders) -> set[int]:
