@@ -1,9 +1,9 @@
 """Two strips in each other's places: `python -m studies.exchanged_strips [--seed S] [--logs N]`.
 
-Short logs of one polygon that is held, slides or turns, 20 to 60 scans on 10 or 20 strips, with noise of .2 to 1 % of Vref.
-Of each the doctor reads three: with two neighbours exchanged, with two strips that are further apart, and as it is.
-What it says of an exchanged pair is counted: found, asked about, named as not checked, or nothing. Of the sound log,
-findings and questions are alarms, and the share of neighbours whose order is not checked is the price.
+Short logs of one polygon that is held, slides or turns: 20 to 60 scans on 10 or 20 strips, noise of .2 to 1 %. Of each
+the doctor reads three: with two neighbours exchanged, with two strips that are further apart, and as it is. What it
+says of an exchanged pair is counted: found, asked about, named as not checked, or nothing. Of the sound log, findings and
+questions are alarms, and the share of neighbours whose order is not checked is the price.
 """
 
 from __future__ import annotations
@@ -12,12 +12,10 @@ import argparse
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
-from tacstrip.arrays import IntArray
 from tacstrip.contact.noise import Noise
 from tacstrip.contact.shape import Contact
 from tacstrip.diagnose.doctor import diagnose
@@ -52,10 +50,11 @@ def sound_log(seed: int) -> tuple[Log, str]:
     turned = rng.uniform(-np.pi, np.pi) + share * (rng.choice([-1, 1]) * rng.uniform(0.3, 2.0)) * (
         motion == "turns"
     )
+    at_mm = (here + share[:, None] * (there - here)) * (sensor.width_mm, sensor.length_mm)
     contacts = [
-        Contact.polygon(outline).turned(float(a)).placed(*((here + s * (there - here)) * (sensor.width_mm, sensor.length_mm)))
-        for a, s in zip(turned, share, strict=True)
-    ]  # fmt: skip
+        Contact.polygon(outline).turned(float(angle)).placed(float(x), float(y))
+        for angle, (x, y) in zip(turned, at_mm, strict=True)
+    ]
     noise = Noise(positional=float(rng.uniform(0.002, 0.01)))
     read = [simulate(sensor, c, noise, rng=rng) for c in contacts]
     k = {name: np.stack([scan[name] for scan in read]) for name in read[0].signatures}

@@ -368,3 +368,25 @@ def test_bad_input_gets_a_clear_error(run: Run, name: str) -> None:
     assert told in error
     assert Path("b.mcap").read_text() == "precious"
     assert not Path("c.mcap").exists()
+
+
+@pytest.mark.parametrize(
+    "words", ["convert cut.mcap -o a.csv", "record cut.mcap -o b.mcap", "doctor cut.mcap", "noise cut.mcap",
+              "track cut.mcap", "replay cut.mcap", "live cut.mcap --no-view"],
+)  # fmt: skip
+def test_a_recording_that_is_cut_before_its_first_scan_is_refused(run: Run, words: str) -> None:
+    run(*RECORD)
+    Path("cut.mcap").write_bytes(Path("a.mcap").read_bytes()[:2500])
+    before = set(Path().iterdir())
+    code, _, error = run(*words.split())
+    assert code == 2
+    assert "cut.mcap: there is no scan in it: it was cut before its first whole chunk" in error
+    assert set(Path().iterdir()) == before
+
+
+def test_a_command_in_a_message_can_be_copied_whatever_the_file_is_called(run: Run) -> None:
+    run(*RECORD)
+    Path("my notes").mkdir()
+    Path("a.mcap").rename("my notes/a.mcap")
+    _, _, error = run("reconstruct", "s.toml", "my notes/a.mcap")
+    assert "`tacstrip convert 'my notes/a.mcap' -o readings.csv`" in error

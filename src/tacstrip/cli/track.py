@@ -11,7 +11,17 @@ import click
 import numpy as np
 import numpy.typing as npt
 
-from tacstrip.cli import load_sensor, note, one_layer, options, protect, warn, warn_of_input, warn_of_order
+from tacstrip.cli import (
+    load_sensor,
+    note,
+    one_layer,
+    options,
+    protect,
+    some_scans,
+    warn,
+    warn_of_input,
+    warn_of_order,
+)
 from tacstrip.cli.replay import warn_of_cut
 from tacstrip.contact.noise import Noise
 from tacstrip.diagnose.log import Log
@@ -117,7 +127,7 @@ def _opened(
             return None, []
     with contextlib.closing(open_source(name, load_sensor(files[0]) if len(files) > 1 else None)) as source:
         one_layer(name, source.sensor)
-        return source, list(source)
+        return source, list(some_scans(name, source))
 
 
 def _record(

@@ -216,8 +216,8 @@ class _Examined:
 
     findings: broken ones first, of these the surest; removed: those of them that were repaired in `rows`, a row for
     each place. notes: of drift; least_drift: of each strip that would be told, over Vref (strips,); settled: what needs
-    no quarters. orders: the strips' order against others, where it is judged. at_rest: whether, and how, strips that nothing touches count as touched. unchecked: of loose wires,
-    bits and hum.
+    no quarters. at_rest: whether, and how, strips that nothing touches count as touched. unchecked: of loose wires,
+    bits and hum. orders: the strips' order against others, where it is judged.
     """
 
     findings: tuple[Finding, ...]

@@ -1,8 +1,8 @@
 """Which strips may be in each other's places, by how rough the readings are across the strips in either order.
 
-A contact's signatures are smooth across the strips but for its corners. With two strips in each other's places these and
-those beside them lie off each other's lines, and contacts have gaps; an order that takes that away, wherever the contact
-is, is a question. Of an order that takes nothing away and adds nothing, the recording tells nothing.
+A contact's signatures are smooth across the strips but for its corners. With two strips in each other's places these
+and those beside them lie off each other's lines, and contacts have gaps. An order that takes that away, wherever the
+contact is, is a question; of one that takes nothing away and adds nothing the recording tells nothing.
 """
 
 from __future__ import annotations

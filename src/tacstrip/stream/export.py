@@ -126,9 +126,9 @@ def write_shapes(path: str | Path, source: Recording) -> int:
     features = [feature for feature in collection["features"] if feature["geometry"] is not None]
     features += [_track_feature(raw.time_s, one) for raw in scans for one in raw.tracks or ()]
     if not features:
+        file = shlex.quote(str(source.path))
         raise RecordingError(
-            f"{source.path}: it holds no polygons; `tacstrip record {shlex.quote(str(source.path))} -o NEW.mcap --reconstruct METHOD` "
-            "adds them"
+            f"{source.path}: it holds no polygons; `tacstrip record {file} -o NEW.mcap --reconstruct METHOD` adds them"
         )
     collection["features"] = features
     write_text(path, json.dumps(collection, indent=1, allow_nan=False) + "\n")

@@ -29,7 +29,7 @@ def summary(source: Recording, scans: Iterable[RawScan]) -> list[str]:
         unread += raw.shapes is None
         tracks.update(track.id for track in raw.tracks or ())
         unknown += raw.tracks is None
-    sensor = source.sensor
+    sensor, file = source.sensor, shlex.quote(str(source.path))
     began = datetime.fromtimestamp(source.origin_ns / NANO, UTC).isoformat(timespec="seconds")
     lines = [
         f"{source.path}: {sensor.construction}, {sensor.strips} strips, codes {', '.join(source.names)} of "
@@ -43,14 +43,14 @@ def summary(source: Recording, scans: Iterable[RawScan]) -> list[str]:
     if unread:
         lines.append(
             f"shapes are not known of {unread} scan(s): the computer was behind, or they could not be used; "
-            f"`tacstrip record {shlex.quote(str(source.path))} -o NEW.mcap --reconstruct METHOD` adds them"
+            f"`tacstrip record {file} -o NEW.mcap --reconstruct METHOD` adds them"
         )
     if tracks:
         by_number = ", ".join(f"object {number} in {scans} scans" for number, scans in sorted(tracks.items()))
         lines.append(f"objects over time: {by_number}")
     if unknown:
         lines.append(
-            f"objects over time were not known yet in {unknown} scan(s): `tacstrip track {shlex.quote(str(source.path))}` finds them"
+            f"objects over time were not known yet in {unknown} scan(s): `tacstrip track {file}` finds them"
         )
     shown = ("source", "sensor", "method", "made")
     return lines + [f"{key}: {text}" for key, text in source.about.items() if key in shown and text]
