@@ -2,8 +2,8 @@
 
 Short logs of one polygon that is held, slides or turns: 20 to 60 scans on 10 or 20 strips, noise of .2 to 1 %. Of each
 the doctor reads three: with two neighbours exchanged, with two strips that are further apart, and as it is. What it
-says of an exchanged pair is counted: found, asked about, named as not checked, or nothing. Of the sound log, findings and
-questions are alarms, and the share of neighbours whose order is not checked is the price.
+says of an exchanged pair is counted: found, asked about, named as not checked, or nothing. Of the sound log, findings
+and questions are alarms, and the share of neighbours whose order is not checked is the price.
 """
 
 from __future__ import annotations
@@ -81,7 +81,8 @@ def said(report: Report, pair: tuple[int, int]) -> str:
         return "not checked"
     # Nobody is sent to the exchanged pair, but hears that something is wrong.
     near = {i + side for i in pair for side in (-1, 0, 1)}
-    if any(near & set(n.strips) for n in (*report.findings, *report.questions)):
+    named = [*(f.strips for f in report.findings), *(q.strips for q in report.questions)]
+    if any(near & set(strips) for strips in named):
         return "other strips"
     return "silent"
 
@@ -133,17 +134,15 @@ def counted(
         sound["order found"] += any(f.fault == _ORDER for f in report.findings)
         sound["order asked"] += any(_ORDER in q.causes for q in report.questions)
         sound["asked"] += bool(report.questions)
-        touched = log.touched.any(axis=0)
+        touched = np.asarray(log.touched.any(axis=0))
         untold = unchecked_strips(report)
         both = [(i, j) for i, j in pairwise(range(log.sensor.strips)) if touched[i] and touched[j]]
         sound["neighbours touched"] += len(both)
         sound["of these not checked"] += sum(bool({i, j} & untold) for i, j in both)
         if verbose and (report.findings or report.questions):
-            what = [
-                (n.strips, getattr(n, "fault", getattr(n, "causes", "")))
-                for n in (*report.findings, *report.questions)
-            ]
-            print(seed, "sound", motion, what)  # noqa: T201
+            what = [(f.strips, f.fault) for f in report.findings]
+            asked = [(q.strips, q.causes) for q in report.questions]
+            print(seed, "sound", motion, what, asked)  # noqa: T201
     return table, sound
 
 

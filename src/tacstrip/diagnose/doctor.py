@@ -278,7 +278,7 @@ def _examined(part: Log, kinds: Set[str] = FAULTS.keys(), sought: Set[_Place] = 
     noisy = [f for f in excess_noise(noise) if f.strips not in loud] if "noise" in kinds else []
     late = [f for f in (*slow.findings, *noisy) if not pressed and not known & set(f.strips)]
     findings = [*bits, *lifted, *reference, *ceiling, *removed, *humming, *late]
-    asked = (
+    asked: Sequence[Question] = (
         (*may_lift, *unsure, *_questions(rows, known, [*doubted, *slow.questions]))
         if geometric and not (pressed or ceiling)
         else ()

@@ -176,10 +176,10 @@ def joined(
 
 def order_unknown(rows: WorkingCopy, orders: Orders) -> set[int]:
     """Return the file's strips that would go unnoticed in another one's place."""
-    touched, slopes = rows.there.any(axis=0), told_by_slope(rows)
+    touched, slopes = np.asarray(rows.there.any(axis=0)), told_by_slope(rows)
     unknown = [
         pair
         for pair, worse in zip(orders.pairs.tolist(), orders.worse, strict=True)
         if not worse and not (pair[1] - pair[0] == 1 and pair[0] in slopes)
     ]
-    return {int(rows.order[place]) for pair in unknown for place in pair if touched[pair].all()}
+    return {int(rows.order[place]) for pair in unknown for place in pair if all(touched[p] for p in pair)}
