@@ -2,7 +2,8 @@
 
 A contact's signatures are smooth across the strips but for its corners. With two strips in each other's places these
 and those beside them lie off each other's lines, and contacts have gaps. An order that takes that away, wherever the
-contact is, is a question; of one that takes nothing away and adds nothing the recording tells nothing.
+contact is, and leaves less than offsets of all these strips would, is a question; of one that takes nothing away and
+adds nothing the recording tells nothing.
 """
 
 from __future__ import annotations
@@ -57,11 +58,11 @@ def compared_orders(rows: WorkingCopy) -> Orders:
     _, footprint = np.unique(there, axis=0, return_inverse=True)
     where = np.eye(footprint.max() + 1)[footprint.ravel()]  # (rows, footprints)
     where /= where.sum(axis=0)
-    moved = [at.with_strip(place) for place in range(n)]  # each (2, rows, places)
-    own = np.stack([at.triples(place - 1, place, place + 1) for place in range(n)])  # (places, 2, rows)
+    moved = [at.with_strip(place) for place in range(n)]  # each (3, rows, places)
+    own = np.stack([at.triples(place - 1, place, place + 1) for place in range(n)])  # (places, 3, rows)
     touched = there.any(axis=0)
     pairs = [(i, j) for i in range(n) for j in range(i + 1, n) if touched[i] or touched[j]]
-    now, then = np.empty((2, len(pairs), 2, len(there)))
+    now, then = np.empty((2, len(pairs), 3, len(there)))
     for pair, (i, j) in enumerate(pairs):
         around = sorted({p for q in (i, j) for p in (q - 1, q, q + 1) if 0 <= p < n})
         now[pair] = own[around].sum(axis=0)
@@ -84,22 +85,26 @@ def compared_orders(rows: WorkingCopy) -> Orders:
 
     gain = (now[:, 0] - then[:, 0]).mean(axis=1)
     total_now, total_then = now[:, 0].sum(axis=1), then[:, 0].sum(axis=1)
+    offsets_now, offsets_then = now[:, 2].sum(axis=1), then[:, 2].sum(axis=1)
     better = smoother(each_then, each_now, known[1] >= _KNOWN * known[0])
-    better &= (total_then < _LEAVES * total_now) & (gain > least)
+    better &= (total_then < _LEAVES * total_now) & (gain > least) & (total_then < offsets_now)
     worse = smoother(each_now, each_then, known[0] >= _KNOWN * known[1])
-    worse &= (total_now < _LEAVES * total_then) & (-gain > least)
+    worse &= (total_now < _LEAVES * total_then) & (-gain > least) & (total_now < offsets_then)
     return Orders(np.array(pairs).reshape(-1, 2), better, worse, gain)
 
 
 class _Roughness:
-    """How far each strip lies off the line of those beside it, over Vref, over all signatures; and how often known."""
+    """How far each strip lies off the line of those beside it, over Vref, over all signatures.
+
+    With it, in how many signatures that is known, and what is left with an offset of its own for each.
+    """
 
     def __init__(self, values: FloatArray, there: BoolArray) -> None:
         self._values, self._there = values, there
         self._several = there.sum(axis=1) > 1  # alone is a strip only where others are touched, too
 
     def triples(self, left: int, strip: int, right: int) -> FloatArray:
-        """Return the roughness, and in how many signatures it is known, of a strip between two (2, rows)."""
+        """Return that of a strip between two (3, rows)."""
         n = self._values.shape[2]
         nowhere = np.full(self._values.shape[:2], np.nan)
         values = [self._values[:, :, i] if 0 <= i < n else nowhere for i in (left, strip, right)]
@@ -110,7 +115,7 @@ class _Roughness:
         return self._of(values, there)
 
     def with_strip(self, place: int) -> FloatArray:
-        """Return that of a place and those beside it, with each strip there in turn (2, rows, strips)."""
+        """Return that of a place and those beside it, with each strip there in turn (3, rows, strips)."""
         n = self._values.shape[2]
         nowhere, off = np.full((*self._values.shape[:2], 1), np.nan), np.zeros((len(self._there), 1), bool)
 
@@ -120,7 +125,7 @@ class _Roughness:
                 (self._values[:, :, at : at + 1], self._there[:, at : at + 1]) if within else (nowhere, off)
             )
 
-        every, total = (self._values, self._there), np.zeros((2, len(self._there), n))
+        every, total = (self._values, self._there), np.zeros((3, len(self._there), n))
         for one in range(place - 1, place + 2):
             if 0 <= one < n:
                 three = [every if at == place else strip(at) for at in (one - 1, one, one + 1)]
@@ -131,8 +136,16 @@ class _Roughness:
         several = self._several if there[1].ndim == 1 else self._several[:, None]
         gap = there[0] & there[2] & ~there[1]
         odd = gap | (there[1] & ~there[0] & ~there[2] & several)
-        off = np.where(odd, _GAP, np.minimum(np.abs(values[0] - 2.0 * values[1] + values[2]), _GAP))
-        return np.stack([np.nan_to_num(off).sum(axis=0), np.isfinite(off).sum(axis=0)])
+        off = values[0] - 2.0 * values[1] + values[2]  # (signatures, rows) or (signatures, rows, strips)
+        known = np.isfinite(off)
+        usual = np.nan_to_num(off).sum(axis=1, keepdims=True) / np.maximum(
+            known.sum(axis=1, keepdims=True), 1
+        )
+        rough, varies = (np.where(odd, _GAP, np.minimum(np.abs(v), _GAP)) for v in (off, off - usual))
+        known |= odd
+        return np.stack(
+            [np.nan_to_num(rough).sum(axis=0), known.sum(axis=0), np.nan_to_num(varies).sum(axis=0)]
+        )
 
 
 def order_question(rows: WorkingCopy, orders: Orders) -> Question | None:
