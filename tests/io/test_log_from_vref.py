@@ -48,15 +48,15 @@ def test_the_question_names_both_and_an_answer_turns_them_right(tmp_path: Path) 
     assert "--answer exchanged=from_vref" in said
     _import(tmp_path, "--answer", "exchanged=from_vref")
     for read, made in zip(ts.read_readings(tmp_path / "r.csv", sensor), scans, strict=True):
-        np.testing.assert_allclose(read.kh, made.kh, atol=1e-6)
-        np.testing.assert_allclose(read.kl, made.kl, atol=1e-6)
+        np.testing.assert_allclose(read["kh"], made["kh"], atol=1e-6)
+        np.testing.assert_allclose(read["kl"], made["kl"], atol=1e-6)
     (tmp_path / "r.csv").unlink()  # the mapping says it for other logs of the form
     done = CliRunner().invoke(
         cli, ["import", str(tmp_path / "log.csv"), str(tmp_path / "s.toml"), "-o", str(tmp_path / "r.csv"),
               "--mapping", str(tmp_path / "r.mapping.toml")],
     )  # fmt: skip
     assert done.exit_code == 0, done.output
-    np.testing.assert_allclose(ts.read_readings(tmp_path / "r.csv", sensor)[0].kh, scans[0].kh, atol=1e-6)
+    np.testing.assert_allclose(ts.read_readings(tmp_path / "r.csv", sensor)[0]["kh"], scans[0]["kh"], atol=1e-6)
 
 
 @pytest.mark.parametrize("factor", [1.0, 1000.0])
@@ -65,12 +65,12 @@ def test_of_one_channel_nothing_tells_and_the_answer_is_taken(tmp_path: Path, fa
     unit = "V" if factor == 1.0 else "mV"
     _import(tmp_path, "--answer", "exchanged=from_vref", "--answer", f"unit={unit}")
     for read, made in zip(ts.read_readings(tmp_path / "r.csv", sensor), scans, strict=True):
-        np.testing.assert_allclose(read.k, made.k, atol=1e-6)
+        np.testing.assert_allclose(read["k"], made["k"], atol=1e-6)
 
 
 def test_readings_of_own_form_are_told_of_both(tmp_path: Path) -> None:
     sensor, scans = _log(tmp_path, "crs-crs")
-    turned = [ts.Scan(kh=1.0 - s.kh, kl=1.0 - s.kl, time_s=s.time_s) for s in scans]
+    turned = [ts.Scan(kh=1.0 - s["kh"], kl=1.0 - s["kl"], time_s=s.time_s) for s in scans]
     ts.write_readings(tmp_path / "t.csv", sensor, turned)
     with pytest.warns(ts.ReadingWarning, match="Or are all readings measured from Vref down"):
         ts.read_readings(tmp_path / "t.csv", sensor)
