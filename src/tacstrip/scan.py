@@ -269,6 +269,19 @@ class Scan(Signatures, Drawn):
         return tuple(found)
 
 
+def time_goes_back(time_s: FloatArray) -> str:
+    """Say where the times of successive scans (scans,) [s] go back, and what mends that; nothing where they do not."""
+    back = np.flatnonzero(np.diff(time_s) < 0.0)
+    if not len(back):
+        return ""
+    before, after = time_s[back[0]], time_s[back[0] + 1]
+    more = f", and time goes back in {len(back) - 1} place(s) more" if len(back) > 1 else ""
+    return (
+        f"after the scan at {before:.12g} s comes one at {after:.12g} s{more}: sort the scans by time, or split the "
+        "recording where the clock was set back or another recording begins"
+    )
+
+
 def _motion(k: FloatArray) -> float:
     """Return by how much half of the channels change from the first half of scans to the second (scans, channels).
 

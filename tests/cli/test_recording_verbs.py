@@ -65,7 +65,7 @@ def test_record_and_replay(run: Run) -> None:
         np.testing.assert_allclose(kh, scan["kh"], atol=1e-9)
         (shape,) = line["shapes"]
         assert shape["status"] == "ok"
-        np.testing.assert_allclose(shape["vertices_mm"], raw.shapes[0].vertices, atol=1e-6)
+        np.testing.assert_allclose(shape["vertices_mm"], (raw.shapes or ())[0].vertices, atol=1e-6)
     out = _good(run("replay", "a.mcap", "--summary"))
     assert "crs-crs, 30 strips, codes kh, kl of 12 bits" in out
     assert "100 scan(s), 100 of them touched, 0 lost" in out
@@ -164,7 +164,7 @@ def test_to_numpy(run: Run) -> None:
     for i, raw in enumerate(raws):
         assert data["polygon_scan"][i] == i
         corners = data["polygon_vertices_mm"][start[i] : start[i + 1]]
-        np.testing.assert_array_equal(corners, raw.shapes[0].vertices)
+        np.testing.assert_array_equal(corners, (raw.shapes or ())[0].vertices)
     Path("again.toml").write_text(str(data["sensor_toml"]))
     assert ts.Sensor.load("again.toml") == file.sensor
 
@@ -179,7 +179,7 @@ def test_to_geojson_and_spec(run: Run) -> None:
         assert feature["properties"]["status"] == "ok"
         assert feature["properties"]["time_s"] == raw.time_s
         ring = np.array(feature["geometry"]["coordinates"][0])
-        np.testing.assert_allclose(ring[:-1], raw.shapes[0].vertices, atol=1e-9)
+        np.testing.assert_allclose(ring[:-1], (raw.shapes or ())[0].vertices, atol=1e-9)
     _good(run("convert", "a.mcap", "-o", "again.toml"))
     assert ts.Sensor.load("again.toml") == sensor()
 
@@ -192,7 +192,7 @@ def test_a_recording_recorded_again_keeps_its_shapes_and_time(run: Run) -> None:
     assert other.about["method"] == "profile"
     for a, b in zip(one, other, strict=True):
         assert a.time_s == b.time_s
-        np.testing.assert_allclose(a.shapes[0].vertices, b.shapes[0].vertices, atol=1e-6)
+        np.testing.assert_allclose((a.shapes or ())[0].vertices, (b.shapes or ())[0].vertices, atol=1e-6)
     _good(run("record", "a.mcap", "-o", "c.mcap", "--reconstruct", "vertex"))
     file = ts.Recording("c.mcap")
     assert file.about["method"] == "vertex"
@@ -368,3 +368,25 @@ def test_bad_input_gets_a_clear_error(run: Run, name: str) -> None:
     assert told in error
     assert Path("b.mcap").read_text() == "precious"
     assert not Path("c.mcap").exists()
+
+
+@pytest.mark.parametrize(
+    "words", ["convert cut.mcap -o a.csv", "record cut.mcap -o b.mcap", "doctor cut.mcap", "noise cut.mcap",
+              "track cut.mcap", "replay cut.mcap", "live cut.mcap --no-view"],
+)  # fmt: skip
+def test_a_recording_that_is_cut_before_its_first_scan_is_refused(run: Run, words: str) -> None:
+    run(*RECORD)
+    Path("cut.mcap").write_bytes(Path("a.mcap").read_bytes()[:2500])
+    before = set(Path().iterdir())
+    code, _, error = run(*words.split())
+    assert code == 2
+    assert "cut.mcap: there is no scan in it: it was cut before its first whole chunk" in error
+    assert set(Path().iterdir()) == before
+
+
+def test_a_command_in_a_message_can_be_copied_whatever_the_file_is_called(run: Run) -> None:
+    run(*RECORD)
+    Path("my notes").mkdir()
+    Path("a.mcap").rename("my notes/a.mcap")
+    _, _, error = run("reconstruct", "s.toml", "my notes/a.mcap")
+    assert "`tacstrip convert 'my notes/a.mcap' -o readings.csv`" in error

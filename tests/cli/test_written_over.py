@@ -126,6 +126,21 @@ def test_no_verb_fills_a_folder_of_something_else(folder: Path, call: str) -> No
 
 
 @pytest.mark.parametrize(
+    ("name", "call"),
+    [
+        ("report.html", FOLDERS["calibrate", "--report"]),  # as test runners write it
+        ("tables.json", FOLDERS["reproduce", "--out"]),
+        ("figures/figure_2.png", FOLDERS["reproduce", "--out"]),
+        ("demo.png", FOLDERS["demo", "--out"]),
+    ],
+)
+def test_a_folder_is_not_known_by_a_name_that_others_give_too(folder: Path, name: str, call: str) -> None:
+    for own in (name, "shape.geojson"):
+        (folder / "own" / own).write_text("the only copy", encoding="utf-8")
+    assert isinstance(CliRunner().invoke(cli, call.split()).exception, ts.OptionError)
+
+
+@pytest.mark.parametrize(
     "call",
     [
         "reconstruct s.toml r.csv -o new.geojson",

@@ -57,8 +57,14 @@ def files(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     folder = tmp_path_factory.mktemp(request.param)
     make_inputs(folder)
     scans = ts.read_readings(folder / "r.csv", SENSOR)
-    if request.param == "exchanged":
-        scans = [ts.Scan(kh=scan.kl, kl=scan.kh, time_s=scan.time_s) for scan in scans]
+    if request.param in ("exchanged", "clock"):
+        half_s = scans[len(scans) // 2].time_s
+        scans = [
+            ts.Scan(kh=scan.kl, kl=scan.kh, time_s=scan.time_s)
+            if request.param == "exchanged"
+            else replace(scan, time_s=scan.time_s % half_s)
+            for scan in scans
+        ]
         ts.write_readings(folder / "r.csv", SENSOR, scans)
         (folder / "r.mcap").unlink()
         CliRunner().invoke(cli, f"record {folder}/s.toml {folder}/r.csv -o {folder}/r.mcap".split())
@@ -73,6 +79,7 @@ def files(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     ("files", "words"),
     [
         *((what, words) for what in ("well", "exchanged") for words in READ),
+        *(("clock", words) for words in (*READ, "track s.toml r.csv", "track r.mcap")),
         # Recordings have no order of lines.
         *(("backwards", words) for words in (*READ, *ALSO_IN_ORDER) if "r.csv" in words),
     ],
@@ -83,10 +90,12 @@ def test_every_verb_that_takes_readings_tells(
 ) -> None:
     folder, what = files
     monkeypatch.chdir(folder)
-    said = CliRunner().invoke(cli, words.split()).output
+    done = CliRunner().invoke(cli, words.split())
+    said = f"{done.output}{done.exception or ''}"
     told = "are the columns exchanged?" in said or "v_h and v_l exchanged" in said
     assert told == (what == "exchanged"), said
     assert ("count the strips down, from 7 to 0" in said) == (what == "backwards"), said
+    assert said.count("sort the scans by time, or split the recording") == (what == "clock"), said
     if what == "well":
         assert "Warning" not in said
 

@@ -68,7 +68,8 @@ def test_exchanged_signatures(noise: float) -> None:
         assert _exchanged(scan) == ""
         swapped = ts.Scan(kh=scan["kl"], kl=scan["kh"])
         assert _exchanged(swapped).endswith(
-            "of 13 strips: are the columns exchanged? Then exchange their names, or the two wires"
+            "of 13 strips: are the columns exchanged? Then exchange their names, or the two wires. Or are all readings "
+            "measured from Vref down? Then `tacstrip import` turns them: --answer exchanged=from_vref"
         )
     assert "of scan 1, and so in 1 scan(s) more" in _exchanged(scan, swapped, swapped)
     assert _exchanged(scan, scan, swapped) == ""

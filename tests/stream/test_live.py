@@ -9,6 +9,7 @@ import math
 import socket
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import replace
@@ -176,7 +177,23 @@ def test_scans_that_are_no_readings_are_counted_named_once_and_recorded(tmp_path
         said[0]
         == "scan 1 cannot be used: a scan has the code 60000, above 4095: adc_bits = 12 of the spec is wrong"
     )
-    assert len(list(ts.Recording(tmp_path / "a.mcap"))) == 40
+    raws = list(ts.Recording(tmp_path / "a.mcap"))
+    assert len(raws) == 40
+    assert all(raw.shapes is None for raw in raws[1::2])  # not known is not none
+    assert sum(raw.shapes is None for raw in raws) == 20 + stream.late
+
+
+def test_a_scan_that_waits_too_long_is_recorded_with_shapes_that_are_not_known(tmp_path: Path) -> None:
+    stream = Live(ts.SimulatedSource(SENSOR, still, 1000.0, 2), tracks=False)
+    stream.record(tmp_path / "a.mcap")
+    (first, second), now_s = stream.source, time.perf_counter()
+    stream._take(first, now_s - 1.0, 0)
+    stream._take(second, math.inf, 0)
+    stream.stop()
+    assert stream.late == 1
+    late, other = ts.Recording(tmp_path / "a.mcap")
+    assert late.shapes is None
+    assert other.shapes
 
 
 def test_drift_is_followed_from_untouched_strips() -> None:
@@ -223,6 +240,7 @@ def test_json_lines_and_a_reader_that_goes() -> None:
     assert all(a["scan"] < b["scan"] for a, b in pairwise(lines))  # a busy computer skips some
     (one,) = lines[-1]["objects"]
     assert one["id"] == 1
+    assert lines[-1]["status"] == one["status"]
     assert np.abs(np.array(one["vertices_mm"]) - SHAPE.vertices).max() < 5.0
 
 
@@ -293,7 +311,7 @@ def test_objects_that_are_not_known_yet_are_null_and_a_file_ends_with_those_that
     source, file = _Replayed(), io.StringIO()
 
     def found_late(contact: Contact) -> KnownShape | None:
-        source.read.wait()
+        wait_until(source.read.is_set)
         return find_shape(contact)
 
     monkeypatch.setattr(live_contact, "find_shape", found_late)

@@ -43,8 +43,8 @@ def _same(read: RawScan, made: RawScan) -> None:
     np.testing.assert_array_equal(read.touched, made.touched)
     for name, codes in made.codes.items():
         np.testing.assert_array_equal(read.codes[name], codes)
-    assert [s.status for s in read.shapes] == ["ok" if s.status == "ok" else "doubtful" for s in made.shapes]
-    for got, want in zip(read.shapes, made.shapes, strict=True):
+    assert [s.status for s in (read.shapes or ())] == ["ok" if s.status == "ok" else "doubtful" for s in (made.shapes or ())]
+    for got, want in zip((read.shapes or ()), (made.shapes or ()), strict=True):
         np.testing.assert_allclose(got.vertices, want.vertices, atol=1e-3)  # a thousandth of a millimetre
 
 
@@ -116,7 +116,7 @@ def test_mcap_and_rosbags_alone_read_every_polygon_and_code(tmp_path: Path) -> N
                 store.register({k: v for k, v in types.items() if k not in store.types})
             decoded: Any = store.deserialize_cdr(message.data, schema.name)
             (polygons if channel.topic == "/tacstrip/polygon" else scans).append((message.log_time, decoded))
-    wanted = [(raw, shape) for raw in made for shape in raw.shapes]
+    wanted = [(raw, shape) for raw in made for shape in raw.shapes or ()]
     assert len(polygons) == len(wanted) > 90
     assert len(scans) == len(made)
     for (log_time, polygon), (raw, shape) in zip(polygons, wanted, strict=True):
@@ -136,13 +136,13 @@ def test_rosbags_opens_the_file_as_a_bag(tmp_path: Path) -> None:
     with AnyReader([tmp_path / "a.mcap"]) as bag:
         counts = {c.topic: c.msgcount for c in bag.connections}
         assert counts["/tacstrip/scan"] == 40
-        assert counts["/tacstrip/polygon"] == sum(s.status == "ok" for raw in made for s in raw.shapes)
+        assert counts["/tacstrip/polygon"] == sum(s.status == "ok" for raw in made for s in raw.shapes or ())
         corners = [
             len(bag.deserialize(data, c.msgtype).polygon.points)  # type: ignore[attr-defined]
             for c, _, data in bag.messages()
             if c.topic == "/tacstrip/polygon"
         ]
-    assert corners == [len(s.vertices) for raw in made for s in raw.shapes if s.status == "ok"]
+    assert corners == [len(s.vertices) for raw in made for s in raw.shapes or () if s.status == "ok"]
 
 
 def test_objects_that_were_not_known_yet_are_not_those_that_are_not_there(tmp_path: Path) -> None:
@@ -166,6 +166,26 @@ def test_objects_that_were_not_known_yet_are_not_those_that_are_not_there(tmp_pa
     assert (len(lines[3]["tracks"]), lines[3]["searching"]) == (1, 1)
     recording, said = Recording(path), "objects over time were not known yet in 2 scan(s): `tacstrip track"
     assert any(said in line for line in summary(recording, recording))
+
+
+def test_shapes_that_were_not_known_are_not_those_that_are_not_there(tmp_path: Path) -> None:
+    spec, path = sensor(), tmp_path / "a.mcap"
+    known = Shape("ok", np.array([(0.0, 0.0), (9.0, 0.0), (0.0, 9.0)]))
+    shapes: list[tuple[Shape, ...] | None] = [(), None, (known,)]
+    with Recorder(path, spec, spec.signatures, ORIGIN) as recorder:
+        record(
+            [replace(raw, shapes=some) for raw, some in zip(source(spec, 3), shapes, strict=True)], recorder
+        )
+    raws = list(Recording(path))
+    assert [raw.shapes if not raw.shapes else len(raw.shapes) for raw in raws] == [(), None, 1]
+    write_npz(tmp_path / "a.npz", Recording(path))
+    with np.load(tmp_path / "a.npz") as arrays:
+        assert arrays["polygon_known"].tolist() == [True, False, True]
+        assert arrays["polygon_scan"].tolist() == [2]
+    lines = [json.loads(json_line(i, raw, decode(raw, spec)))["shapes"] for i, raw in enumerate(raws)]
+    assert lines[:2] == [[], None]
+    recording = Recording(path)
+    assert any("shapes are not known of 1 scan(s): " in line for line in summary(recording, recording))
 
 
 def test_objects_over_time_come_back_also_without_tacstrip(tmp_path: Path) -> None:
@@ -215,8 +235,8 @@ def test_doubtful_shapes_keep_to_themselves(tmp_path: Path) -> None:
         recorder.add(replace(raw, shapes=(Shape("doubtful", corners), Shape("ok", corners + 10.0))))
     assert raw_names == ("kh", "kl")
     (read,) = Recording(tmp_path / "a.mcap")
-    assert [s.status for s in read.shapes] == ["doubtful", "ok"]
-    np.testing.assert_allclose(read.shapes[0].vertices, corners, atol=1e-3)
+    assert [s.status for s in (read.shapes or ())] == ["doubtful", "ok"]
+    np.testing.assert_allclose((read.shapes or ())[0].vertices, corners, atol=1e-3)
 
 
 def test_a_rest_level_is_looked_at_when_reading(tmp_path: Path) -> None:

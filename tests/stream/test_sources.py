@@ -192,7 +192,7 @@ def test_shapes_beside_the_codes() -> None:
     for method in METHODS:
         scan = next(iter(with_shapes(source(spec, 1), spec, method)))
         wanted = reconstruct(decode(scan, spec), spec, method=method, **quick_options(method))
-        assert [s.status for s in scan.shapes] == [o.status for o in wanted.objects if o.found]
+        assert [s.status for s in scan.shapes or ()] == [o.status for o in wanted.objects if o.found]
     with pytest.raises(ts.OptionError, match="method 'magic' does not exist; choose one of: polygon"):
         next(iter(with_shapes(source(spec, 1), spec, "magic")))
 

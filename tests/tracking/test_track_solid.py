@@ -64,7 +64,7 @@ def test_what_cannot_be_followed_gets_a_sentence() -> None:
     with pytest.raises(ts.ReadingError, match="there is no scan"):
         ts.track_solid([], TIP, ts.Solid.plane(), NOISE)
     _, scans = rolled([4.0, 4.0], seed=3)
-    with pytest.raises(ts.ReadingError, match="scan 1 is from before scan 0: sort the scans by time"):
+    with pytest.raises(ts.ReadingError, match="sort the scans by time, or split the recording"):
         ts.track_solid(scans[::-1], TIP, ts.Solid.cylinder(4.0), NOISE)
 
 

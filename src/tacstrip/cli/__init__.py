@@ -8,8 +8,9 @@ import errno
 import importlib
 import itertools
 import os
+import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from tacstrip.scan import Scan
     from tacstrip.sensor.layers import AnySensor
     from tacstrip.sensor.spec import Sensor
-    from tacstrip.stream.source import Source
+    from tacstrip.stream.source import RawScan, Source
 
 # Verb: what it is for, as `tacstrip --help` says it. Each verb is `command` in the module of its name.
 VERBS = {
@@ -246,7 +247,7 @@ def load_log(file: Path, spec: str | None, call: str = "--sensor sensor.toml") -
     if file.suffix.lower() == ".mcap":
         source = Recording(file, load_sensor(spec) if spec else None)
         with contextlib.closing(source):
-            log = Log.of_codes(one_layer(file, source.sensor), source)
+            log = Log.of_codes(one_layer(file, source.sensor), some_scans(file, source))
             if source.condition.whole:
                 return log
             lost = f"{source.condition.lost_bytes} bytes of {source.condition.total_bytes}"
@@ -259,10 +260,31 @@ def load_log(file: Path, spec: str | None, call: str = "--sensor sensor.toml") -
     return log
 
 
+def some_scans(name: str | Path, source: Source) -> Iterator[RawScan]:
+    """Yield the scans of a source, of which there has to be one.
+
+    Raises
+    ------
+    ReadingError, OptionError
+        There is none; the latter where it is a recording that was cut before its first.
+    """
+    from tacstrip.stream.replay import Recording
+
+    there = False
+    for raw in source:
+        there = True
+        yield raw
+    if not there:
+        if isinstance(source, Recording) and not source.condition.whole:
+            cut = "it was cut before its first whole chunk, and nothing can be recovered"
+            raise OptionError(f"{name}: there is no scan in it: {cut}")
+        raise ReadingError(f"{name}: there is no scan in it")
+
+
 def warn_of_input(name: str | Path, source: Source) -> None:
     """Warn of what is probably not meant in a source that is a file, as far as it can be read."""
     from tacstrip.diagnose.log import Log
-    from tacstrip.io.input_checks import half_read, misread, unlikely_times
+    from tacstrip.io.input_checks import clock_back, half_read, misread, unlikely_times
     from tacstrip.sensor.spec import Sensor
     from tacstrip.stream.replay import ReadingsSource, Recording
 
@@ -271,12 +293,13 @@ def warn_of_input(name: str | Path, source: Source) -> None:
     try:  # a recording is iterated once: another look at it
         scans = source if isinstance(source, ReadingsSource) else Recording(name, source.sensor)
         with contextlib.closing(scans):
-            log = Log.of_codes(scans.sensor, itertools.islice(scans, _LOOK_SCANS))
+            log = Log.of_codes(scans.sensor, itertools.islice(some_scans(name, scans), _LOOK_SCANS))
     except (ReadingError, RecordingError):
         return
     if isinstance(source, ReadingsSource):
         told = (half_read(name, source.sensor, source.names), unlikely_times(name, log.time_s))
         warn(*told, *misread(name, log.sensor, log.raw))
+    warn(clock_back(name, log.time_s))
     warn_of_log(name, log)
 
 
@@ -307,7 +330,7 @@ def warn_of_order(name: str | Path, log: Log) -> tuple[tuple[int, ...], str]:
     sensor = "" if str(name).lower().endswith(".mcap") else " --sensor SENSOR"
     warn(
         f"{told}: each fits where the other should be. Check their cables, or the order of the log's columns; "
-        f"`tacstrip doctor {name}{sensor}` says more",
+        f"`tacstrip doctor {shlex.quote(str(name))}{sensor}` says more",
         file=name,
     )
     return strips, told

@@ -79,7 +79,7 @@ def command(
     protect(output, sensor, data, touch, force=overwrite, flag="--overwrite")
     protect(plot, sensor, data, touch, output)
     if report is not None:
-        own_folder(report, "report.html", "figures/worst.png")
+        own_folder(report, "figures/worst.png")
     _check_options(planned, zeroed, data is not None)
     spec = load_sensor(sensor)
     if planned:

@@ -7,6 +7,8 @@ from pathlib import Path
 import click
 
 from tacstrip.cli import options, own_folder
+from tacstrip.errors import OptionError
+from tacstrip.files import replaceable
 from tacstrip.io.geojson import write_geojson
 from tacstrip.reconstruction.result import Reconstruction
 
@@ -26,6 +28,8 @@ def command(out: Path, kind: str) -> None:
     from tacstrip.thesis.demo import FIT, picture, run, table  # late: --help does without it
 
     own_folder(out, *(f"demo{ending}" for ending in ENDINGS))
+    if not replaceable(out / "shape.geojson"):  # others draw a demo.png, too
+        raise OptionError(f"{out / 'shape.geojson'} is not of this verb; name a new or an empty folder")
     demo = run()
     click.echo(
         "Synthetic readings of the thesis' CRS-CRS prototype (10 strips, 6.5 x 32.5 cm, 5 x 3.5 cm object).\n"

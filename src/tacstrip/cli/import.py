@@ -138,7 +138,10 @@ def _write(
     many = f"{len(found.scans)} scan(s) of {found.mapping.strips} strips"
     with tempfile.TemporaryDirectory() as folder:
         readings = Path(folder) / f"{log.stem}.csv"
-        write_log(readings, found.scans, found.mapping, vref, base)
+        try:
+            write_log(readings, found.scans, found.mapping, vref, base)
+        except OSError as error:
+            raise OSError(error.errno, error.strerror, f"{tempfile.gettempdir()} (TMPDIR)") from error
         if sensor is not None and spec is not None:
             try:
                 made = read_unchecked(readings, sensor)

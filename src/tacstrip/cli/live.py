@@ -72,7 +72,8 @@ _LOCAL_READERS = (
 @options.flag("--creep", help="Take the creep of contacts that are held still out.")
 @options.flag("--no-tracks", help="Do not fuse the scans of each object into one rigid outline.")
 @options.flag("--watch", "watched",
-              help="Let the doctor look on, and leave channels out while they are faulty.")  # fmt: skip
+              help="Let the doctor look at the latest 50 scans or more, every 5 s, and leave channels out while "
+              "they are faulty.")  # fmt: skip
 @options.number("--speed", default=1.0, callback=options.above_0,
                 help="INPUT: speed relative to its own times.")  # fmt: skip
 @options.output("Record to this file (.mcap).", required=False)

@@ -183,7 +183,7 @@ def _announce(scans: Iterator[RawScan], count: int) -> list[RawScan]:
 def _disk_bytes(raw: RawScan) -> float:
     """Return the approximate size of a scan with its shapes in a recording."""
     codes = sum(values[raw.touched].size for values in raw.codes.values())
-    shapes = sum(_SHAPE_BYTES + _CORNER_BYTES * len(shape.vertices) for shape in raw.shapes)
+    shapes = sum(_SHAPE_BYTES + _CORNER_BYTES * len(shape.vertices) for shape in raw.shapes or ())
     return _SCAN_BYTES + _CODE_BYTES * codes + shapes
 
 

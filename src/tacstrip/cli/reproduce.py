@@ -41,7 +41,7 @@ def command(out: Path, seeds: int, workers: int | None, table: str | None, kind:
             )
         click.echo("\n".join(_lines(rows, seeds)))
         return
-    own_folder(out, "tables.json", "figures/figure_[2-6].*")
+    own_folder(out, "figures/figure_[2-6]_[0-9][0-9].png")
     with progress_bar() as bar:
         task = bar.add_task("cells and figures", total=None)
         tables = reproduce(

@@ -11,7 +11,17 @@ import click
 import numpy as np
 import numpy.typing as npt
 
-from tacstrip.cli import load_sensor, note, one_layer, options, protect, warn, warn_of_input, warn_of_order
+from tacstrip.cli import (
+    load_sensor,
+    note,
+    one_layer,
+    options,
+    protect,
+    some_scans,
+    warn,
+    warn_of_input,
+    warn_of_order,
+)
 from tacstrip.cli.replay import warn_of_cut
 from tacstrip.contact.noise import Noise
 from tacstrip.diagnose.log import Log
@@ -21,6 +31,7 @@ from tacstrip.io.columns import BEGIN_SPEC
 from tacstrip.io.input_checks import readings_suspicions
 from tacstrip.io.readings import read_unchecked
 from tacstrip.io.table import write_table
+from tacstrip.scan import time_goes_back
 from tacstrip.stream.codes import decode
 from tacstrip.stream.recording.recorder import Recorder
 from tacstrip.stream.replay import ReadingsSource, Recording, open_source
@@ -72,6 +83,8 @@ def command(
     scans = read_unchecked(files[-1], spec) if decoded is None else decoded
     if not any(scan.touched.any() for scan in scans):
         raise ReadingError(f"{files[-1]}: no strip is touched in any of {len(scans)} scan(s)")
+    if told := time_goes_back(np.array([scan.time_s for scan in scans])):
+        raise ReadingError(f"{files[-1]}: {told}")
     if source is None:
         warn(*readings_suspicions(files[-1], spec, scans))
         warn_of_order(files[-1], Log.of_scans(spec, scans))
@@ -114,7 +127,7 @@ def _opened(
             return None, []
     with contextlib.closing(open_source(name, load_sensor(files[0]) if len(files) > 1 else None)) as source:
         one_layer(name, source.sensor)
-        return source, list(source)
+        return source, list(some_scans(name, source))
 
 
 def _record(

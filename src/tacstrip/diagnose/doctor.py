@@ -30,7 +30,9 @@ from tacstrip.diagnose.pressure import pressure
 from tacstrip.diagnose.questions import questions
 from tacstrip.diagnose.regression import moved_to_and_fro
 from tacstrip.diagnose.shorts import shorts, tied_under_outline
+from tacstrip.diagnose.strip_order import Orders, compared_orders, joined, order_question, order_unknown
 from tacstrip.io.input_checks import other_scale
+from tacstrip.scan import time_goes_back
 from tacstrip.sensor.left_out import channel_name, left_out, left_out_wholly
 from tacstrip.sensor.rest_level import all_read_hint, rest_hint
 
@@ -102,7 +104,7 @@ def diagnose(log: Log) -> Report:
     unchecked = [
         log.missing,
         _pauses(log.time_s),
-        *_not_checked(part, seen.rows, known, {i for q in questions for i in q.strips}),
+        *_not_checked(part, seen, known, {i for q in questions for i in q.strips}),
         *seen.unchecked,
         *_drift_not_checked(part, seen.least_drift, known),
     ]
@@ -215,7 +217,7 @@ class _Examined:
     findings: broken ones first, of these the surest; removed: those of them that were repaired in `rows`, a row for
     each place. notes: of drift; least_drift: of each strip that would be told, over Vref (strips,); settled: what needs
     no quarters. at_rest: whether, and how, strips that nothing touches count as touched. unchecked: of loose wires,
-    bits and hum.
+    bits and hum. orders: the strips' order against others, where it is judged.
     """
 
     findings: tuple[Finding, ...]
@@ -228,6 +230,7 @@ class _Examined:
     settled: frozenset[_Place]
     at_rest: str
     unchecked: tuple[str, ...]
+    orders: Orders | None
 
 
 def _examined(part: Log, kinds: Set[str] = FAULTS.keys(), sought: Set[_Place] = frozenset()) -> _Examined:
@@ -269,14 +272,19 @@ def _examined(part: Log, kinds: Set[str] = FAULTS.keys(), sought: Set[_Place] = 
     known = {i for f in removed for i in f.strips}
     late = [f for f in (*slow.findings, *noisy) if not pressed and not known & set(f.strips)]
     findings = [*bits, *lifted, *reference, *ceiling, *removed, *humming, *late]
-    asked = (
+    asked: Sequence[Question] = (
         (*may_lift, *unsure, *_questions(rows, known, [*doubted, *slow.questions]))
         if geometric and not (pressed or ceiling)
         else ()
     )
+    orders = None
+    if geometric and _ORDER in kinds and rows.there.any() and not (pressed or ceiling):
+        orders, unrepaired = compared_orders(rows), places(as_read) if suspects else rows
+        question = order_question(unrepaired, compared_orders(unrepaired) if suspects else orders)
+        findings, asked = joined(question, unrepaired, findings, asked) if question else (findings, asked)
     return _Examined(
         findings=tuple(sorted(findings, key=lambda f: _WORST[f.kind.severity])),
-        questions=asked,
+        questions=tuple(asked),
         removed=removed,
         rows=rows,
         noise=noise,
@@ -290,6 +298,7 @@ def _examined(part: Log, kinds: Set[str] = FAULTS.keys(), sought: Set[_Place] = 
             no_bits,
             no_hum,
         ),
+        orders=orders,
     )
 
 
@@ -490,8 +499,9 @@ def _offset(expected: FloatArray, off: FloatArray, sigma: float) -> float:
     return float(middle) if low * high > 0.0 else 0.0
 
 
-def _not_checked(log: Log, work: WorkingCopy, ill: set[int], asked: set[int]) -> Iterator[str]:
+def _not_checked(log: Log, seen: _Examined, ill: set[int], asked: set[int]) -> Iterator[str]:
     """Yield what this recording could not show; `ill` are strips that are named already, `asked` those in question."""
+    work = seen.rows
     base = log.sensor.strip_base
     silent = left_out_wholly(log.sensor)
     if silent.any():
@@ -514,6 +524,9 @@ def _not_checked(log: Log, work: WorkingCopy, ill: set[int], asked: set[int]) ->
     if len(work.there) < 6:
         what = "shorts, strips exchanged, stuck channels, saturation"
         yield f"{what}: the contact stood at {len(work.there)} place(s); move and turn it"
+    elif wide >= 4 and seen.orders is not None and (open_ := order_unknown(work, seen.orders) - ill - asked):
+        names = _names([i + base for i in sorted(open_)])
+        yield f"strips exchanged, of {names}: an exchange would go unnoticed; move the contact across them, and turn it"
     known = np.any([np.isfinite(neighbour_residuals(work, n)[0]).any(axis=0) for n in work.k], axis=0)
     alone = [
         int(number) + base
@@ -528,11 +541,11 @@ def _not_checked(log: Log, work: WorkingCopy, ill: set[int], asked: set[int]) ->
 
 def _pauses(time_s: FloatArray) -> str:
     """Say how many scans of an even recording are missing; empty where none are."""
+    if told := time_goes_back(time_s):
+        return f"drift and hum: {told}"
     step = np.diff(time_s)
     if len(step) < _FEWEST or not (period := float(np.median(step))) > 0.0:
         return ""
-    if (back := int(np.count_nonzero(step < 0.0))) > 0:
-        return f"drift and hum across {back} place(s) where the scans' time goes back"
     pause = step > 1.5 * period
     if np.mean(np.abs(step - period) < 0.2 * period) < _EVEN:
         return ""

@@ -37,6 +37,7 @@ _MOVES, _ALONG = 0.2, 0.4  # over Vref, what neighbours must move; correlation
 _OFF_LINE = 0.75  # of the slope around: largest offset of two strips from the line
 # Different footprints of contacts that end between two strips, if all lie on one side, and at the sensor's edges.
 _FOOTPRINTS, _FOOTPRINTS_AT_EDGE = 5, 3
+_TOLD, _TOLD_AT_EDGE = 0.4, 0.25  # of the misfit, what is left with the two exchanged
 _UNUSUAL = 2.0  # times the median misfit of all pairs
 _AWAY = 0.2  # of a strip's places: it is touched away from the contact
 _ELSEWHERE = 0.06  # over Vref: a strip this far off what its neighbours expect may be another
@@ -70,7 +71,8 @@ def swapped_wires(work: WorkingCopy) -> Iterator[Suspect]:
     touched = known > 0
     if len(exchanged) > max(2, 0.6 * np.count_nonzero(touched)) and _all_below(mean[touched], least):
         evidence = (
-            f"v_h lies below v_l on {len(exchanged)} of {np.count_nonzero(touched)} strips that were touched"
+            f"v_h lies below v_l on {len(exchanged)} of {np.count_nonzero(touched)} strips that were touched, "
+            "unless all readings are measured from Vref down (`tacstrip import ... --answer exchanged=from_vref`)"
         )
         numbers = {"strips": float(len(exchanged))}
         explained = -float(mean[exchanged].mean())
@@ -254,7 +256,7 @@ def _neighbours_exchanged(work: WorkingCopy) -> Iterator[Suspect]:
         for i in range(work.strips - 1)
     }
     usual = float(np.median([t.misfit for t in slopes.values() if t.places] or [0.0]))
-    away = _away_from_contact(work.there)
+    away = touched_elsewhere(work)
     for strip, slope in slopes.items():
         against, left, right, gaps = _edges(work, strip)
         at_edge = strip in (0, work.strips - 2)  # contacts go on to one side of the two only
@@ -266,7 +268,7 @@ def _neighbours_exchanged(work: WorkingCopy) -> Iterator[Suspect]:
             least = _FOOTPRINTS_AT_EDGE if at_edge else _FOOTPRINTS
             often = len(np.unique(gaps, axis=0)) >= least
         edges = left + right >= 4 and left + right >= 5 * against and (often or not one_sided)
-        clearly = slope.clear and exchanged < (0.25 if at_edge else 0.4) * misfit
+        clearly = slope.clear and exchanged < (_TOLD_AT_EDGE if at_edge else _TOLD) * misfit
         runs_back = clearly and misfit > _UNUSUAL * usual and slope.to_and_fro
         if runs_back or (edges and not (slope.clear and misfit < 0.7 * exchanged)):
             evidence = []
@@ -291,7 +293,25 @@ def _neighbours_exchanged(work: WorkingCopy) -> Iterator[Suspect]:
                 "swapped-strips", two, "; ".join(evidence), numbers, explained, repair=repair
             )
             # Further from where the contact is than one strip, it is no neighbour's place.
-            yield replace(suspect, doubtful=bool((away[two] > _AWAY).any()))
+            yield replace(suspect, doubtful=bool(away[two].any()))
+
+
+def told_by_slope(work: WorkingCopy) -> set[int]:
+    """Return the places that the slope across them would show to be exchanged with the next one."""
+    slopes = [
+        _Slope([p for v in work.k.values() if (p := neighbour_pair(v, i))], work.sigma)
+        for i in range(work.strips - 1)
+    ]
+    usual = float(np.median([t.misfit for t in slopes if t.places] or [0.0]))
+    edges, n = {0, work.strips - 2}, _UNUSUAL * usual
+    return {
+        i
+        for i, t in enumerate(slopes)
+        if t.clear
+        and t.misfit < (_TOLD_AT_EDGE if i in edges else _TOLD) * t.misfit_exchanged
+        and t.misfit_exchanged > n
+        and t.to_and_fro
+    }
 
 
 @dataclass(frozen=True, eq=False)
@@ -454,6 +474,11 @@ def _misfits(work: WorkingCopy) -> FloatArray:
         mean = (over * np.minimum(off, _ONE_CONTACT)).sum(axis=0) / np.maximum(count, 1)
         total += np.where(count >= _FEW, mean, 0.0) / len(work.k)
     return total
+
+
+def touched_elsewhere(work: WorkingCopy) -> BoolArray:
+    """Return which strips (strips,) are often touched where no contact is beside them."""
+    return np.asarray(_away_from_contact(work.there) > _AWAY)
 
 
 def _away_from_contact(there: BoolArray) -> FloatArray:

@@ -249,6 +249,10 @@ def _ways_out(work: WorkingCopy, name: str, gone: BoolArray) -> list[_Seen]:
     # A bad joint has any resistance: readings leave the line towards one rail.
     with np.errstate(invalid="ignore"):
         off = steady & (np.abs(values - np.clip(e, 0.0, 1.0)) > _FAR)
+        # Outermost strips are at a contact's rim: its shape does the same to others that are.
+        for strip, turned in ((0, np.s_[:, :]), (-1, np.s_[:, ::-1])):
+            share = off[:, strip].sum() / max(int(steady[:, strip].sum()), 1)
+            off[:, strip] &= _OTHERS * _off_at_rims(values[turned], work.there[turned]) < share
         above = off & (values > e)
         one_way = np.abs(2 * above.sum(axis=0) - off.sum(axis=0)) >= _ONE_WAY * off.sum(axis=0)
     partly = silent | (off & one_way)
@@ -258,6 +262,14 @@ def _ways_out(work: WorkingCopy, name: str, gone: BoolArray) -> list[_Seen]:
         _Seen(out | silent, good, e, nowhere, silent),
         _Seen(out | partly, good, e, nowhere, partly),
     ]
+
+
+def _off_at_rims(values: FloatArray, there: BoolArray) -> float:
+    """Return in which share of a contact's left rims, but at the sensor's edge, its first strip is off the next two."""
+    first, second, third = values[:, 1:-2], values[:, 2:-1], values[:, 3:]
+    rim = there[:, 1:-2] & ~there[:, :-3] & (np.abs(second - third) < 0.3) & np.isfinite(first)
+    off = rim & (np.abs(first - np.clip(2.0 * second - third, 0.0, 1.0)) > _FAR)
+    return float(off.sum() / rim.sum()) if rim.sum() >= _FEWEST else 0.0
 
 
 def _free_wires(work: WorkingCopy, lasting: BoolArray) -> Iterator[Question]:

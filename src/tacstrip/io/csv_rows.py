@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import shlex
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -46,7 +47,11 @@ def read_csv(
     if unreadable := why_unreadable(path):
         raise ReadingError(f"{path}: {unreadable}")
     if (kind := other_kind(path, ".csv")) and Path(path).is_file():
-        remedy = f"; `tacstrip convert {path} -o readings.csv` makes them" if kind == "a recording" else ""
+        remedy = (
+            f"; `tacstrip convert {shlex.quote(str(path))} -o readings.csv` makes them"
+            if kind == "a recording"
+            else ""
+        )
         raise ReadingError(f"{path}: is {kind}, not {what} (CSV){remedy if what == 'readings' else ''}")
     last, ended = "\n", False  # the last line read, and whether it is the file's last
 

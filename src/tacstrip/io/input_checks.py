@@ -17,7 +17,7 @@ from tacstrip.io.columns import value, value_columns
 from tacstrip.io.csv_rows import Row, read_csv
 from tacstrip.io.readings import Frame, scan_lines
 from tacstrip.reconstruction.implausible import scale_hint
-from tacstrip.scan import Scan
+from tacstrip.scan import Scan, time_goes_back
 from tacstrip.sensor.constructions import SIGNATURES
 from tacstrip.sensor.exchanged import exchanged, read_twice
 from tacstrip.sensor.layers import AnySensor, LayeredSensor, unit_of
@@ -195,7 +195,14 @@ def readings_suspicions(
         told = misread(file, sensor, raw)
         hint = other_scale(sensor, raw) if scale and not any(told) else ""
         found += [one_reading(file, sensor, scans), *told, f"{file}: {hint}" if hint else ""]
-    return [*found, *implausible(file, unit, raw)]
+    times_s = np.array([scan.time_s for scan in scans])
+    return [*found, *implausible(file, unit, raw), clock_back(file, times_s)]
+
+
+def clock_back(path: str | Path, times_s: FloatArray) -> str:
+    """Return a warning where the times of a file's scans (scans,) [s] go back."""
+    told = time_goes_back(times_s)
+    return f"{path}: {told}" if told else ""
 
 
 def misread(path: str | Path, sensor: Sensor, raw: Mapping[str, FloatArray]) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias
 
@@ -252,6 +253,15 @@ class RecoveredObject(Drawn):
         return outline_paths([(self.vertices, self.covariance)])
 
 
+def worst_status(objects: Sequence[RecoveredObject]) -> Status:
+    """Return the worst status of a scan's objects; "no contact" without any."""
+    if not objects:
+        return "no contact"
+    failed = [o for o in objects if not o.found]
+    worst = [o.status for o in (*failed, *objects) if o.status not in ("ok", "likely")]
+    return next(iter(worst), "likely" if any(o.status == "likely" for o in objects) else "ok")
+
+
 @dataclass(frozen=True)
 class Reconstruction(Drawn):
     """All objects of one scan.
@@ -291,11 +301,7 @@ class Reconstruction(Drawn):
     @property
     def status(self) -> Status:
         """The worst status of its objects; "no contact" without any."""
-        if not self.objects:
-            return "no contact"
-        failed = [o for o in self.objects if not o.found]
-        worst = [o.status for o in (*failed, *self.objects) if o.status not in ("ok", "likely")]
-        return next(iter(worst), "likely" if any(o.status == "likely" for o in self.objects) else "ok")
+        return worst_status(self.objects)
 
     def _paths(self) -> list[SvgPath]:
         return outline_paths([(o.vertices, o.covariance) for o in self.objects])

@@ -44,7 +44,8 @@ def exchanged(readings: Mapping[str, FloatArray]) -> str:
     which = f" of scan {first}, and so in {len(wrong) - 1} scan(s) more" if len(wrong) > 1 else ""
     return (
         f"k_h is below k_l on {below[first]} of {touched[first]} strips{which}: are the columns exchanged? "
-        "Then exchange their names, or the two wires"
+        "Then exchange their names, or the two wires. Or are all readings measured from Vref down? Then "
+        "`tacstrip import` turns them: --answer exchanged=from_vref"
     )
 
 

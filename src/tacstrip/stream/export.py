@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import zipfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -57,13 +58,15 @@ def write_npz(path: str | Path, source: Source) -> int:
     sequences: list[int] = []
     searching: list[int] = []
     shapes: list[tuple[int, Shape]] = []
+    reconstructed: list[bool] = []
     tracks: list[tuple[int, TrackedShape]] = []
     for raw in source:
         for name, data in codes.items():
             data += raw.codes[name].tobytes()
         touched += raw.touched.tobytes()
         strip_times += b"" if raw.strip_time_s is None else raw.strip_time_s.tobytes()
-        shapes += [(len(times), shape) for shape in raw.shapes]
+        shapes += [(len(times), shape) for shape in raw.shapes or ()]
+        reconstructed.append(raw.shapes is not None)
         tracks += [(len(times), track) for track in raw.tracks or ()]
         searching.append(-1 if raw.tracks is None and not raw.searching else raw.searching)
         times.append(raw.time_s)
@@ -87,6 +90,7 @@ def write_npz(path: str | Path, source: Source) -> int:
         yield from over_vref(blocks, mask, sensor).items()
         corners = [shape.vertices for _, shape in shapes]
         yield "polygon_scan", np.array([scan for scan, _ in shapes], dtype=np.int64)
+        yield "polygon_known", np.array(reconstructed)
         yield "polygon_status", np.array([shape.status for _, shape in shapes], dtype=str)
         yield "polygon_start", np.cumsum([0, *map(len, corners)])
         yield "polygon_vertices_mm", np.concatenate([np.empty((0, 2)), *corners])
@@ -122,9 +126,9 @@ def write_shapes(path: str | Path, source: Recording) -> int:
     features = [feature for feature in collection["features"] if feature["geometry"] is not None]
     features += [_track_feature(raw.time_s, one) for raw in scans for one in raw.tracks or ()]
     if not features:
+        file = shlex.quote(str(source.path))
         raise RecordingError(
-            f"{source.path}: it holds no polygons; `tacstrip record {source.path} -o NEW.mcap --reconstruct METHOD` "
-            "adds them"
+            f"{source.path}: it holds no polygons; `tacstrip record {file} -o NEW.mcap --reconstruct METHOD` adds them"
         )
     collection["features"] = features
     write_text(path, json.dumps(collection, indent=1, allow_nan=False) + "\n")
@@ -138,7 +142,8 @@ def json_line(number: int, raw: RawScan, scan: Scan) -> str:
         line["arrival_s"] = round(raw.arrival_s, 9)
     for name in scan.signatures:
         line[name] = plain(scan[name], 9)
-    line["shapes"] = [{"status": s.status, "vertices_mm": plain(s.vertices, 6)} for s in raw.shapes]
+    shapes = [{"status": s.status, "vertices_mm": plain(s.vertices, 6)} for s in raw.shapes or ()]
+    line["shapes"] = None if raw.shapes is None else shapes
     if raw.tracks or raw.tracks is None:
         line |= tracks_fields(raw.tracks, raw.searching)
     return json.dumps(line, allow_nan=False)
@@ -146,7 +151,7 @@ def json_line(number: int, raw: RawScan, scan: Scan) -> str:
 
 def as_reconstruction(raw: RawScan, method: str) -> Reconstruction:
     """Return the shapes stored with a scan as a reconstruction; their strips are not known."""
-    statuses: list[tuple[Any, FloatArray]] = [(shape.status, shape.vertices) for shape in raw.shapes]
+    statuses: list[tuple[Any, FloatArray]] = [(shape.status, shape.vertices) for shape in raw.shapes or ()]
     objects = tuple(RecoveredObject(slice(0, 0), corners, status=status) for status, corners in statuses)
     return Reconstruction(method, objects, raw.time_s)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import shlex
 import time
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -24,10 +25,12 @@ from tacstrip.stream.recording.messages import (
     NAMES,
     NANO,
     POLYGON,
+    RECONSTRUCTED,
     SCANS,
     SEARCHING,
     TRACK,
     read_polygon,
+    read_reconstructed,
     read_scan,
     read_searching,
     read_track,
@@ -36,6 +39,7 @@ from tacstrip.stream.recording.recorder import (
     ABOUT,
     FORMAT,
     POLYGON_TOPICS,
+    RECONSTRUCTED_TOPIC,
     SCAN_TOPIC,
     SEARCHING_TOPIC,
     SPEC,
@@ -114,7 +118,7 @@ class Recording:
         if spec is None or about is None:
             self._fail(
                 f"it has no attachment {SPEC} or no metadata {ABOUT!r}: not a recording of tacstrip; "
-                f"`tacstrip import {self.path} SENSOR -o readings.csv` says what makes readings of it"
+                f"`tacstrip import {shlex.quote(str(self.path))} SENSOR -o readings.csv` says what makes readings of it"
             )
         self.about = about
         self.names = self._names_in(about)
@@ -147,7 +151,11 @@ class Recording:
             elif channel.topic in _STATUS and schema == POLYGON and last is not None:
                 with self._located():
                     shape = read_polygon(record.data, _STATUS[channel.topic])
-                last = replace(last, shapes=(*last.shapes, shape))
+                last = replace(last, shapes=(*(last.shapes or ()), shape))
+            elif channel.topic == RECONSTRUCTED_TOPIC and schema == RECONSTRUCTED and last is not None:
+                with self._located():
+                    known = read_reconstructed(record.data)
+                last = last if known else replace(last, shapes=last.shapes or None)
             elif channel.topic == TRACK_TOPIC and schema == TRACK and last is not None:
                 with self._located():
                     track = read_track(record.data)

@@ -24,7 +24,7 @@ from tacstrip.reconstruction.pressed.fit import descended
 from tacstrip.reconstruction.pressed.judged import RADIUS_OPEN
 from tacstrip.reconstruction.pressed.poses import Poses, cap
 from tacstrip.reconstruction.result import Status
-from tacstrip.scan import Scan
+from tacstrip.scan import Scan, time_goes_back
 from tacstrip.sensor.constructions import check_closed_form
 from tacstrip.sensor.spec import Sensor
 
@@ -144,8 +144,8 @@ def track_solid(
     if not read:
         raise ReadingError("there is no scan: give those of a recording, in the order of time")
     times = np.array([scan.time_s for scan in read])
-    if len(back := np.flatnonzero(np.diff(times) < 0.0)):
-        raise ReadingError(f"scan {back[0] + 1} is from before scan {back[0]}: sort the scans by time")
+    if told := time_goes_back(times):
+        raise ReadingError(told)
     noise = sensor.noise if noise is None else noise
     last: Solid | None = None
     seen: list[_Seen | None] = []

@@ -18,7 +18,7 @@ from tacstrip.reconstruction.noise_covariance import Averaging, fit_sigma
 from tacstrip.reconstruction.on_surface import refuse_stretched
 from tacstrip.reconstruction.polygon.estimate import fit_polygon
 from tacstrip.reconstruction.seam import BRIDGED
-from tacstrip.scan import Scan
+from tacstrip.scan import Scan, time_goes_back
 from tacstrip.sensor.constructions import check_closed_form
 from tacstrip.sensor.left_out import left_out_wholly
 from tacstrip.sensor.spec import Sensor
@@ -83,12 +83,8 @@ def track(scans: Sequence[Scan], sensor: Sensor, noise: Noise | None = None) -> 
     if not read:
         raise ReadingError("there is no scan: give those of a recording, in the order of time")
     times = np.array([scan.time_s for scan in read])
-    if len(back := np.flatnonzero(np.diff(times) < 0.0)):
-        i = int(back[0]) + 1
-        raise ReadingError(
-            f"scan {i} is from {times[i]:.12g} s, before scan {i - 1} from {times[i - 1]:.12g} s: sort the scans "
-            "by time"
-        )
+    if told := time_goes_back(times):
+        raise ReadingError(told)
     own = scans[0].signatures
     for i, scan in enumerate(scans):
         if scan.signatures != own:

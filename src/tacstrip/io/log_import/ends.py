@@ -26,6 +26,12 @@ from tacstrip.io.log_import.scans import LogScan
 from tacstrip.io.log_import.statements import in_blocks_said, told_channels, wired_ends
 from tacstrip.io.log_import.table import ContradictionError
 
+FROM_VREF = "from_vref"
+EXCHANGED = (
+    "yes",
+    "no",
+    FROM_VREF,
+)  # answers: columns, nothing, or readings that are measured from Vref down
 _ABOVE = 0.95  # of the strips: k_h is above k_l there, and so the names are clear
 _ENDS = 2  # of a strip
 _APART = 0.004  # over the largest reading: by which k_h and k_l differ, in the median
@@ -323,6 +329,7 @@ def ends_exchanged(scans: Sequence[LogScan], mapping: ColumnMapping, answer: str
     if mapping.channels != ("h", "l") or not scans:
         return []
     apart = np.stack([scan.values[:, 0] - scan.values[:, 1] for scan in scans])
+    apart = -apart if mapping.from_vref else apart
     top = max(float(np.nanmax(scan.values, initial=0.0)) for scan in scans)
     wrong = np.argwhere(apart < -_BELOW * top)
     if not len(wrong):
@@ -331,12 +338,14 @@ def ends_exchanged(scans: Sequence[LogScan], mapping: ColumnMapping, answer: str
     more = f", and {len(wrong) - 1} time(s) more" if len(wrong) > 1 else ""
     text = (
         f"v_h is below v_l on strip {strip + mapping.strip_base} of the scan from line {scans[scan].line}{more}: no "
-        "sensor reads so; is a digit lost, or are columns exchanged?"
+        "sensor reads so; is a digit lost, are columns exchanged, or readings measured from Vref down?"
     )
     if len(wrong) <= _STRAYS or answer == "no":
         return [text]
-    mended = () if mapping.which or (-apart < -_BELOW * top).sum() > _STRAYS else ("yes",)
-    choices = () if answer is None else (*mended, "no")  # a mapping takes no answer
+    yes, no, down = EXCHANGED
+    mends = (-apart < -_BELOW * top).sum() <= _STRAYS
+    mended = [yes] * (mends and not mapping.which) + [down] * (mends and answer != down)
+    choices = () if answer is None else (*mended, no)  # a mapping takes no answer
     raise Unanswered(
         Question("exchanged", f"{text} Mend the log, or answer no to take it as it stands", choices)
     )

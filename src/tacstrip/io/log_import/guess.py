@@ -21,7 +21,7 @@ from tacstrip.io.log_import.changes import ask_for_notes
 from tacstrip.io.log_import.columns import Columns, find_columns
 from tacstrip.io.log_import.contents import names_strips
 from tacstrip.io.log_import.doubts import backwards, raise_doubts
-from tacstrip.io.log_import.ends import above, ends_exchanged, noise
+from tacstrip.io.log_import.ends import EXCHANGED, FROM_VREF, above, ends_exchanged, noise
 from tacstrip.io.log_import.fields import STAMP, is_garbled, number_of, says_nothing
 from tacstrip.io.log_import.mapping import STRIP_ORDERS, ColumnMapping
 from tacstrip.io.log_import.middles import doubt_middles, with_ends_of_middles
@@ -496,10 +496,12 @@ def _which_h(clues: Clues, found: Columns) -> str:
 
 def _with_ends(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[LogScan]) -> ColumnMapping:
     """Return the mapping with the ends that the readings confirm: k_h is never below k_l."""
+    answer = clues.choice("exchanged", EXCHANGED)
+    mapping = replace(mapping, from_vref=answer == FROM_VREF)
     if mapping.channels != ("h", "l"):
         return mapping
     both = np.stack([s.values for s in rough])
-    high, low = both[:, :, 0], both[:, :, 1]
+    high, low = (both[:, :, 1], both[:, :, 0]) if mapping.from_vref else (both[:, :, 0], both[:, :, 1])
     if mapping.which_h and "which_h" not in clues.answers:
         first, other = sorted(set(clues.table.column(mapping.which)))
         chosen = first if above(high, low) else other if above(low, high) else ""
@@ -523,12 +525,12 @@ def _with_ends(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list
         clues.because(f"{name}: v_h, for it is the larger on every strip, as k_h must be")
         doubt_middles(clues, list(columns)[:2], *((low, high) if above(low, high) else (high, low)))
         return replace(mapping, columns=chosen_columns)
-    answer = clues.choice("exchanged", ("yes", "no"))
     if not mapping.which and not answer and above(low, high):
         clues.ask(
             "exchanged",
-            "v_h is below v_l on nearly every strip, which no sensor reads: are the columns exchanged?",
-            "yes", "no",
+            "v_h is below v_l on nearly every strip, which no sensor reads: are the columns exchanged, or all readings "
+            "measured from Vref down? As exchanged ones the latter would be a mirror image",
+            *EXCHANGED,
         )  # fmt: skip
     return replace(mapping, columns=swapped) if answer == "yes" and not mapping.which else mapping
 

@@ -16,7 +16,7 @@ STRIP_ORDERS = ("ascending", "descending")
 _KINDS: dict[str, type | tuple[type, ...]] = {
     "columns": dict, "untouched": list, "only": list, "strips": int, "strip_base": int, "format": int,
     "rate_hz": (int, float), "vref_volt": (int, float), "adc_bits": int, "time_bits": int, "strip_step": (int, float),
-    "scale": (int, float), "zero": (int, float),
+    "scale": (int, float), "zero": (int, float), "from_vref": bool,
 }  # fmt: skip
 
 
@@ -69,6 +69,8 @@ class ColumnMapping:
     strip_order
         "descending" where the log's first strip is the sensor's last one; or the sensor's strips in the log's order,
         as "2,0,1"; or the names that the log has for its strips, as "red,brown,black", from the first strip on.
+    from_vref
+        Whether readings are measured from Vref down: Vref less the reading is the voltage.
     """
 
     columns: dict[str, str]
@@ -96,6 +98,7 @@ class ColumnMapping:
     zero: float = 0.0
     turn: str = ""
     strip_order: str = "ascending"
+    from_vref: bool = False
 
     def save(self, path: str | Path) -> None:
         """Write it as TOML."""

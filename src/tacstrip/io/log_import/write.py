@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from tacstrip.arrays import BoolArray
+from tacstrip.errors import OptionError
 from tacstrip.io.columns import INDEX, seconds
 from tacstrip.io.csv_rows import csv_writer
 from tacstrip.io.log_import.mapping import ColumnMapping
@@ -64,10 +65,22 @@ def in_volts(mapping: ColumnMapping, vref_volt: float, adc_bits: int | None = No
 
 
 def at_rest(scans: Sequence[LogScan], mapping: ColumnMapping, sensor: Sensor | None) -> list[LogScan]:
-    """Return scans with readings that an offset, or noise about the spec's rest, puts outside 0 to Vref at that end."""
+    """Return scans from 0 V up, with readings that an offset, or noise about rest, puts outside 0 to Vref at that end.
+
+    Raises
+    ------
+    OptionError
+        They are measured from Vref down, and no spec says Vref.
+    """
     if sensor is None:
+        if mapping.from_vref:
+            raise OptionError(
+                "readings that are measured from Vref down: name the sensor's spec, which says Vref"
+            )
         return list(scans)
     top = sensor.vref_volt / in_volts(mapping, sensor.vref_volt, sensor.adc_bits)
+    if mapping.from_vref:
+        scans = [LogScan(scan.time_s, top - scan.values, scan.line) for scan in scans]
     low, high = -_OFFSET, 1.0 + _OFFSET
     if sensor.rest_volt is not None and sensor.touch_volt is not None:
         low = min(low, (sensor.rest_volt - sensor.touch_volt) / sensor.vref_volt)

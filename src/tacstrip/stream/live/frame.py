@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from tacstrip.arrays import touched_strips
+from tacstrip.reconstruction.result import Status, worst_status
 from tacstrip.scan import Scan
 from tacstrip.sensor.spec import Sensor
 from tacstrip.stream.recording.messages import FRAME, NANO
@@ -77,6 +78,11 @@ class Frame:
     frame_id: str = FRAME
     unit: str = "mm"
     searching: int = 0
+
+    @property
+    def status(self) -> Status:
+        """The worst status of `objects`; "no contact" without any."""
+        return worst_status([one.shape for one in self.objects])
 
     @property
     def time_ns(self) -> int:

@@ -471,11 +471,11 @@ class Live:
     def _save(
         self,
         raw: RawScan,
-        shapes: tuple[Shape, ...] = (),
+        shapes: tuple[Shape, ...] | None = None,
         tracks: tuple[LiveTrack, ...] | None = None,
         searching: int = 0,
     ) -> None:
-        """Give a scan to the recordings; without `tracks` they are not known."""
+        """Give a scan to the recordings; without `shapes`, and without `tracks`, these are not known."""
         for writer in self._writers:
             stored = tracks if self._fuses else ()
             writer.add(replace(raw, shapes=shapes, tracks=(), searching=searching), stored)

@@ -127,6 +127,7 @@ def _fields(frame: Frame, dropped: int) -> dict[str, Any]:
         "unit": frame.unit,
         "latency_ms": round(1e3 * frame.latency_s, 3),
         "dropped": dropped,
+        "status": frame.status,
         "objects": [
             {
                 "id": o.id,

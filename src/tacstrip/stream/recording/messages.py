@@ -27,6 +27,7 @@ from tacstrip.stream.source import CodeArray, RawScan, Shape, TrackedShape
 POLYGON = "geometry_msgs/msg/PolygonStamped"
 TRACK = "tacstrip_msgs/msg/Track"
 SEARCHING = "std_msgs/msg/UInt32"
+RECONSTRUCTED = "std_msgs/msg/Bool"
 SCANS = {2: "tacstrip_msgs/msg/Scan", 4: "tacstrip_msgs/msg/WideScan"}  # by bytes per code
 NAMES = (*SIGNATURES, ELECTRODES)
 FRAME = "tacstrip"  # x across the strips, y along them from the grounded end
@@ -41,6 +42,7 @@ _COMMON = {
     "geometry_msgs/msg/Polygon": "Point32[] points\n",
     POLYGON: "std_msgs/Header header\nPolygon polygon\n",
     SEARCHING: "uint32 data\n",
+    RECONSTRUCTED: "bool data\n",
 }
 
 _SCAN_TEXT = """\
@@ -191,6 +193,16 @@ def searching_message(count: int) -> bytes:
 def read_searching(data: bytes) -> int:
     """Return the number in such a message; `RecordingError` where it is not one."""
     return int(_read(SEARCHING, data).data)
+
+
+def reconstructed_message(done: bool) -> bytes:
+    """Return as a message whether a scan's shapes are known."""
+    return _write(RECONSTRUCTED, data=done)
+
+
+def read_reconstructed(data: bytes) -> bool:
+    """Return what such a message says; `RecordingError` where it is not one."""
+    return bool(_read(RECONSTRUCTED, data).data)
 
 
 def _floats(values: FloatArray | None) -> Any:

@@ -30,6 +30,7 @@ _ENDINGS = {"ok": "", "likely": "_likely", "doubtful": "_doubtful"}
 POLYGON_TOPICS = {status: f"/tacstrip/polygon{ending}" for status, ending in _ENDINGS.items()}
 TRACK_TOPIC = "/tacstrip/track"
 SEARCHING_TOPIC = "/tacstrip/searching"
+RECONSTRUCTED_TOPIC = "/tacstrip/reconstructed"
 TRACK_POLYGON_TOPICS = {status: f"/tacstrip/track_polygon{ending}" for status, ending in _ENDINGS.items()}
 MAX_AGE_S = 0.08  # longest time that a scan waits in memory, so that a killed recorder loses less than 0.1 s
 _FLUSHES = 4096  # that may be taken back: minutes
@@ -141,6 +142,8 @@ class Recorder:
             self._track_channel = writer.register_channel(TRACK_TOPIC, "cdr", schema_of(messages.TRACK))
             schema = schema_of(messages.SEARCHING)
             self._searching_channel = writer.register_channel(SEARCHING_TOPIC, "cdr", schema)
+            schema = schema_of(messages.RECONSTRUCTED)
+            self._reconstructed_channel = writer.register_channel(RECONSTRUCTED_TOPIC, "cdr", schema)
         self.flush()
 
     @property
@@ -162,10 +165,12 @@ class Recorder:
         if not self._reference:
             self._reference, self._first_s, self._since = raw.codes, raw.time_s, time.monotonic()
         parts = [(self._scan_channel, messages.scan_message(raw, self._sensor, self._reference, now_ns))]
-        for shape in raw.shapes:
+        shapes, tracks = raw.shapes or (), raw.tracks or ()
+        for shape in shapes:
             channel = self._polygon_channels.get(shape.status, self._polygon_channels["doubtful"])
             parts.append((channel, messages.polygon_message(shape.vertices, now_ns)))
-        tracks = raw.tracks or ()
+        if raw.shapes is None:
+            parts.append((self._reconstructed_channel, messages.reconstructed_message(False)))
         for track in tracks:
             parts.append((self._track_channel, messages.track_message(track, now_ns)))
             if len(track.outline) and np.isfinite(track.pose).all():
@@ -178,7 +183,7 @@ class Recorder:
             for channel, data in parts:
                 self._file.writer.add_message(channel, now_ns, data, came_ns, self.scans % 2**32)
         self.scans += 1
-        self.polygons += len(raw.shapes)
+        self.polygons += len(shapes)
         self.tracks += len(tracks)
         self._waiting_bytes += sum(len(data) for _, data in parts)
         age_s = max(abs(raw.time_s - self._first_s), time.monotonic() - self._since)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections import Counter
 from collections.abc import Iterable
 from datetime import UTC, datetime
@@ -13,7 +14,7 @@ from tacstrip.stream.source import RawScan
 
 def summary(source: Recording, scans: Iterable[RawScan]) -> list[str]:
     """Read all scans of a recording and return its summary, line by line."""
-    count = lost = touched = unknown = 0
+    count = lost = touched = unread = unknown = 0
     shapes: Counter[str] = Counter()
     tracks: Counter[int] = Counter()
     first: RawScan | None = None
@@ -24,10 +25,11 @@ def summary(source: Recording, scans: Iterable[RawScan]) -> list[str]:
         last = raw
         count += 1
         touched += bool(raw.touched.any())
-        shapes.update(shape.status for shape in raw.shapes)
+        shapes.update(shape.status for shape in raw.shapes or ())
+        unread += raw.shapes is None
         tracks.update(track.id for track in raw.tracks or ())
         unknown += raw.tracks is None
-    sensor = source.sensor
+    sensor, file = source.sensor, shlex.quote(str(source.path))
     began = datetime.fromtimestamp(source.origin_ns / NANO, UTC).isoformat(timespec="seconds")
     lines = [
         f"{source.path}: {sensor.construction}, {sensor.strips} strips, codes {', '.join(source.names)} of "
@@ -38,12 +40,17 @@ def summary(source: Recording, scans: Iterable[RawScan]) -> list[str]:
         lines.append(f"{seconds:.6g} s, {(count - 1) / seconds:.6g} scans a second")
     by_status = ", ".join(f"{number} {status}" for status, number in shapes.most_common())
     lines.append(f"shapes: {by_status or 'none'}")
+    if unread:
+        lines.append(
+            f"shapes are not known of {unread} scan(s): the computer was behind, or they could not be used; "
+            f"`tacstrip record {file} -o NEW.mcap --reconstruct METHOD` adds them"
+        )
     if tracks:
         by_number = ", ".join(f"object {number} in {scans} scans" for number, scans in sorted(tracks.items()))
         lines.append(f"objects over time: {by_number}")
     if unknown:
         lines.append(
-            f"objects over time were not known yet in {unknown} scan(s): `tacstrip track {source.path}` finds them"
+            f"objects over time were not known yet in {unknown} scan(s): `tacstrip track {file}` finds them"
         )
     shown = ("source", "sensor", "method", "made")
     return lines + [f"{key}: {text}" for key, text in source.about.items() if key in shown and text]
