@@ -56,7 +56,9 @@ def test_the_question_names_both_and_an_answer_turns_them_right(tmp_path: Path) 
               "--mapping", str(tmp_path / "r.mapping.toml")],
     )  # fmt: skip
     assert done.exit_code == 0, done.output
-    np.testing.assert_allclose(ts.read_readings(tmp_path / "r.csv", sensor)[0]["kh"], scans[0]["kh"], atol=1e-6)
+    np.testing.assert_allclose(
+        ts.read_readings(tmp_path / "r.csv", sensor)[0]["kh"], scans[0]["kh"], atol=1e-6
+    )
 
 
 @pytest.mark.parametrize("factor", [1.0, 1000.0])

@@ -43,7 +43,9 @@ def _same(read: RawScan, made: RawScan) -> None:
     np.testing.assert_array_equal(read.touched, made.touched)
     for name, codes in made.codes.items():
         np.testing.assert_array_equal(read.codes[name], codes)
-    assert [s.status for s in (read.shapes or ())] == ["ok" if s.status == "ok" else "doubtful" for s in (made.shapes or ())]
+    assert [s.status for s in (read.shapes or ())] == [
+        "ok" if s.status == "ok" else "doubtful" for s in (made.shapes or ())
+    ]
     for got, want in zip((read.shapes or ()), (made.shapes or ()), strict=True):
         np.testing.assert_allclose(got.vertices, want.vertices, atol=1e-3)  # a thousandth of a millimetre
 

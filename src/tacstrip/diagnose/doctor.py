@@ -252,7 +252,8 @@ def _examined(part: Log, kinds: Set[str] = FAULTS.keys(), sought: Set[_Place] = 
     # Strips that nothing touches count as touched:
     at_rest = rest_hint(sensor, _touched_readings(part))
     comes_and_goes = geometric and not pressed and not at_rest and "intermittent" in kinds
-    work, loose, doubted = _comes_and_goes(work) if comes_and_goes else (work, [], [])
+    as_read = replace(work, k={name: v.copy() for name, v in work.k.items()}, there=work.there.copy())
+    work, loose, doubted = _comes_and_goes(work, as_read) if comes_and_goes else (work, [], [])
     rows = places(work)
     tests = [] if pressed else list(_TESTS) if geometric else [never_touched, swapped_wires]
     tests = [t for t in tests if kinds & _TESTS[t] and not (ceiling and t is clipped)]
@@ -279,9 +280,8 @@ def _examined(part: Log, kinds: Set[str] = FAULTS.keys(), sought: Set[_Place] = 
     )
     orders = None
     if geometric and _ORDER in kinds and rows.there.any() and not (pressed or ceiling):
-        orders, unrepaired = compared_orders(rows), places(as_read) if suspects else rows
-        question = order_question(unrepaired, compared_orders(unrepaired) if suspects else orders)
-        findings, asked = joined(question, unrepaired, findings, asked) if question else (findings, asked)
+        unrepaired = places(as_read) if suspects else rows
+        orders, findings, asked = _with_order(rows, unrepaired, findings, asked)
     return _Examined(
         findings=tuple(sorted(findings, key=lambda f: _WORST[f.kind.severity])),
         questions=tuple(asked),
@@ -300,6 +300,15 @@ def _examined(part: Log, kinds: Set[str] = FAULTS.keys(), sought: Set[_Place] = 
         ),
         orders=orders,
     )
+
+
+def _with_order(
+    rows: WorkingCopy, unrepaired: WorkingCopy, findings: list[Finding], asked: Sequence[Question]
+) -> tuple[Orders, list[Finding], Sequence[Question]]:
+    """Return the strips' order against others, and findings and questions with what it asks of the rows as read."""
+    orders = compared_orders(rows)
+    question = order_question(unrepaired, orders if unrepaired is rows else compared_orders(unrepaired))
+    return orders, *(joined(question, unrepaired, findings, asked) if question else (findings, asked))
 
 
 def _corrected_copy(part: Log, sigma: float, ceiling: list[Finding], factor: float) -> WorkingCopy:
@@ -395,12 +404,13 @@ def working_sigma(noise: NoiseEstimate) -> float:
     return sigma if noise.steady else min(sigma, _MOST_SIGMA)  # motion, for the most part
 
 
-def _comes_and_goes(work: WorkingCopy) -> tuple[WorkingCopy, list[Finding], list[Question]]:
+def _comes_and_goes(
+    work: WorkingCopy, as_read: WorkingCopy
+) -> tuple[WorkingCopy, list[Finding], list[Question]]:
     """Return the copy without strips that are gone for a stretch or drop out, and these, each once.
 
-    The whole copy where strips read as if in each other's places: these come and go at a contact's ends.
+    The copy `as_read` where strips read as if in each other's places: these come and go at a contact's ends.
     """
-    as_read = replace(work, k={name: v.copy() for name, v in work.k.items()}, there=work.there.copy())
     gone, unsure = lost(work)
     named = {i for f in gone for i in f.strips} | {i for q in unsure for i in q.strips}
     loose, asked = intermittent(work)

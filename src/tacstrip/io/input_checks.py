@@ -190,13 +190,13 @@ def readings_suspicions(
     unit, names = unit_of(sensor), scans[0].signatures
     raw = invert_calibration(unit, {name: np.stack([scan[name] for scan in scans]) for name in names})
     found = [] if one_signature else [half_read(file, unit, names)]
-    found.append(unlikely_times(file, np.array([scan.time_s for scan in scans])))
+    times_s = np.array([scan.time_s for scan in scans])
+    found += [unlikely_times(file, times_s), clock_back(file, times_s)]
     if not isinstance(sensor, LayeredSensor):
         told = misread(file, sensor, raw)
         hint = other_scale(sensor, raw) if scale and not any(told) else ""
         found += [one_reading(file, sensor, scans), *told, f"{file}: {hint}" if hint else ""]
-    times_s = np.array([scan.time_s for scan in scans])
-    return [*found, *implausible(file, unit, raw), clock_back(file, times_s)]
+    return [*found, *implausible(file, unit, raw)]
 
 
 def clock_back(path: str | Path, times_s: FloatArray) -> str:
