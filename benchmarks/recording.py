@@ -80,7 +80,7 @@ def full_speed(scene: str, path: Path, seconds: float) -> None:
     for raw in ts.Recording(path):
         read += raw.sequence == last + 1
         last = raw.sequence
-        polygons += len((raw.shapes or ()))
+        polygons += len(raw.shapes or ())
     said = "" if times == 1.0 else f" (x {times:g} = {size * times:.0f} MB for 10 minutes)"
     print(f"{scene}: {count} scans")
     print(f"  disk {size:.1f} MB{said}, memory at most {memory:.0f} MB")
