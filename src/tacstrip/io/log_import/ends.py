@@ -343,7 +343,7 @@ def ends_exchanged(scans: Sequence[LogScan], mapping: ColumnMapping, answer: str
     if len(wrong) <= _STRAYS or answer == "no":
         return [text]
     yes, no, down = EXCHANGED
-    mends = (-apart < -_BELOW * top).sum() <= _STRAYS
+    mends = bool((-apart < -_BELOW * top).sum() <= _STRAYS)
     mended = [yes] * (mends and not mapping.which) + [down] * (mends and answer != down)
     choices = () if answer is None else (*mended, no)  # a mapping takes no answer
     raise Unanswered(
