@@ -280,6 +280,7 @@ def test_a_rival_doubts_an_outline_by_its_odds_and_by_what_it_does_not_cover(
         (other,) = track.alternatives
         assert abs(moments(other.vertices)[0] / moments(track.outline)[0] - size**2) < 0.01
         assert "2.5 % (`alternatives`)" in track.advice
+        assert other.weight == pytest.approx(0.025, abs=0.001)
 
 
 def test_more_than_half_a_turn_is_found_on_a_smooth_path(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -36,9 +36,11 @@ def doubt_implausible(result: Reconstruction, scan: Scan, sensor: Sensor) -> Rec
     """Return the result; where the readings are implausible "doubtful" in place of "ok", and with advice."""
     # An untouched strip with readings contradicts the others in both, a faulty channel in one.
     told = [o.advice for o in result.objects if not o.faulty]
-    failed = result.status not in ("ok", "likely") or any(_STRANGE in advice for advice in told)
-    # Nor does one pass for the border of strips at rest: without it a contact explains all others.
-    faulty = not failed and any(o.faulty for o in result.objects)
+    strange = any(_STRANGE in advice for advice in told)
+    failed = strange or result.status not in ("ok", "likely")
+    # Nor does one pass for the border of strips at rest: without it a contact explains all others, be it not for sure.
+    explained = all(o.status in ("ok", "likely") or o.confidence is not None for o in result.objects)
+    faulty = explained and not strange and any(o.faulty for o in result.objects)
     hint = implausible_hint(scan, sensor, failed, [o.vertices for o in result.objects], faulty)
     if not hint and not sensor.without:
         return result

@@ -218,8 +218,11 @@ def summarised(one: Object, scans: list[Scan], read: Readings, noise: Noise | No
     )
     advice = "; ".join(dict.fromkeys(filter(None, [advice, *more_advice])))
     status, said = _judged(advice, notes, one, read)
-    shown = [one.found.others[i] for i in (apart if told else range(len(one.found.others)))]
-    others = tuple(Alternative(weight, _turned(o - estimate.middle, estimate.angle)) for o, weight in shown)
+    shown = apart if told else range(len(one.found.rivals))
+    others = tuple(
+        Alternative(float(weight), _turned(one.found.outlines[i] - estimate.middle, estimate.angle))
+        for i, weight in zip(shown, one.found.weights(shown), strict=True)
+    )
     joint = tuple(sorted({*one.joint, *(s for more in one.shared for s in more.joint)}))
     return Track(
         0, estimate.corners, estimate.covariance, estimate.poses, estimate.spreads, np.empty(0), np.empty(0),

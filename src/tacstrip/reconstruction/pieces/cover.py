@@ -87,16 +87,18 @@ class Read:
 
     @classmethod
     def of(cls, x: FloatArray, chains: tuple[Chain, Chain]) -> Read:
-        """Make it from the chains of l and of -u, evaluated at strips at x (n,) [mm]."""
+        """Make it from the chains of l and of -u, evaluated at strips at x (n,) [mm], drawn on over those left out."""
         sure = np.ones(len(x), dtype=np.bool_)
         fitted = []
         for chain in chains:
-            y = np.empty(len(x))
+            y = np.full(len(x), np.nan)
             for stretch in chain.stretches:
                 y[stretch.start : stretch.stop] = stretch.shown
                 if stretch.before is not None:
                     sure[max(stretch.start - 1, 0) : stretch.start + 1] = False
-            fitted.append(y)
+            known = np.isfinite(y)
+            sure &= known
+            fitted.append(y if known.all() else np.interp(x, x[known], y[known]))
         sigmas = [1.0 / np.sqrt(chain.weight) for chain in chains]
         return cls(x, fitted[0], -fitted[1], sigmas[0], sigmas[1], sure)
 

@@ -63,7 +63,7 @@ def _opening(pieces: RunPieces, side: int, cut: Cut, before: Stretch, after: Str
     """Return what share of an outline lies between an arm that begins or ends at a jump, and the other; the jump."""
     read = pieces.read
     low, high = (read.l, read.u) if side == 0 else (-read.u, -read.l)
-    rise = float(abs(low[cut.strip] - low[cut.strip - 1]))
+    rise = float(abs(after.shown[0] - before.shown[-1]))
     behind, other = (
         (slice(cut.strip, None), before) if cut.kind == "begins" else (slice(cut.strip - 1, None, -1), after)
     )

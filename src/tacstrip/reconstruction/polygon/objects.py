@@ -39,17 +39,18 @@ from tacstrip.reconstruction.polygon.status import (
     behind_overhang,
     beside_pair,
     bridged,
-    doubts_of_few,
+    either,
     enough_of,
+    lowered,
     notes_of,
     other_area,
     status_of,
     two_objects,
     uncounted_vertices,
+    unlike_few,
 )
 from tacstrip.reconstruction.polygon.wide_fit import contradicted_by_outer_strip
 from tacstrip.reconstruction.posterior.assessment import (
-    ENOUGH,
     HELD_STRIPS,
     PROMISED_IOU,
     Assessment,
@@ -258,6 +259,7 @@ def _verdict(scan: Scan, asked: Asked, choice: _Choice, fit: PolygonFit) -> _Ver
     run, outline = contact.run, choice.estimate.outline
     covariance = choice.estimate.propagated()
     second = signature_advice(sensor) if len(run.problem.k) == 1 else ""
+    enough, of_one = enough_of(run, effort, second)
     never = bool(second) and few_strips(run)
     averaging = "" if never else averaging_advice(noise, sensor, Averaging.of(scan))
     weak = (
@@ -293,12 +295,12 @@ def _verdict(scan: Scan, asked: Asked, choice: _Choice, fit: PolygonFit) -> _Ver
         confidence, alternatives, sure = beside_pair(choice.pair, confidence, alternatives)
         if not wrong:
             right = choice.pair.overlap(outline.vertices) >= PROMISED_IOU
-            wrong, note = two_objects(choice.pair, right, sure)
+            wrong, note = two_objects(choice.pair, right, sure, enough)
     if choice.overhang is not None:
-        told, seen = behind_overhang(choice.overhang), 1.0 - choice.overhang.probability
-        doubted = not wrong and (1.0 if confidence is None else confidence) * seen < ENOUGH
-        confidence = None if confidence is None else confidence * seen
-        wrong, note = (told, note) if doubted else (wrong, "; ".join(filter(None, [note, told])))
+        told, probability = behind_overhang(choice.overhang), choice.overhang.probability
+        hidden, also, confidence = lowered(told, probability, confidence, enough)
+        note = "; ".join(filter(None, (note, also or (hidden if wrong else ""))))
+        wrong = wrong or hidden
     if choice.two and not wrong:
         wrong = _FEW_TELL.format(run.problem.x.size, choice.two)
         confidence = None if confidence is None else (1.0 - choice.two) * confidence
@@ -312,12 +314,11 @@ def _verdict(scan: Scan, asked: Asked, choice: _Choice, fit: PolygonFit) -> _Ver
     if not wrong and not second and few_strips(run):
         left_out = run.excluded if convex is None else faulty
         wrong, of_few, confidence = _of_few(choice, asked, left_out, faulty, confidence)
-        note, assessed = "; ".join(filter(None, (note, of_few))), replace(assessed, confidence=confidence)
+        note = "; ".join(filter(None, (note, of_few)))
     notes = notes_of(scan, sensor, contact, asked.around, noise is not None, faulty, convex is not None)
     area_known = asked.area_mm2 is not None
-    status, advice = status_of(
-        wrong, weak, assessed, effort, second, averaging, area_known, *enough_of(run, effort, second)
-    )
+    assessed = replace(assessed, confidence=confidence)
+    status, advice = status_of(wrong, weak, assessed, effort, second, averaging, area_known, enough, of_one)
     return _Verdict(
         status, "; ".join(filter(None, [*advice, note, *notes])), confidence, alternatives, faulty
     )
@@ -336,8 +337,9 @@ def _of_few(
             run, distribution, estimate.outline, asked.sensor, contact.readings, none
         )
     unlike = unlike_probability(run, estimate.model, estimate.outline, distribution, convex, one_object)
+    told = unlike_few(unlike, sound, run.problem.x.size, one_object)
     enough, _ = enough_of(run, asked.effort, "")
-    return doubts_of_few(unlike, sound, run.problem.x.size, confidence, enough, one_object)
+    return lowered(told, either(unlike, sound), confidence, enough)
 
 
 def _places(

@@ -108,10 +108,11 @@ def beside_pair(
     return None if confidence is None else sure, ordered, sure
 
 
-def two_objects(pair: Pair, right: bool, confidence: float) -> tuple[str, str]:
+def two_objects(pair: Pair, right: bool, confidence: float, enough: float) -> tuple[str, str]:
     """Return advice that doubts an outline which two objects explain too, or, where it stays, a note of that.
 
-    `right` is whether the outline overlaps both together as `ok` promises: then only their number is open.
+    `right` is whether the outline overlaps both together as `ok` promises: then only their number is open. `enough` is
+    the least confidence of an "ok".
     """
     slide = "slide or turn the contact and track it, or add a second layer, to tell"
     meet = ""
@@ -125,7 +126,7 @@ def two_objects(pair: Pair, right: bool, confidence: float) -> tuple[str, str]:
         if pair.advice
         else f"two objects {where} explain the readings too, {sure}; {IF_ONE}"
     )
-    if confidence < ENOUGH or (pair.probability >= _OTHER and not right and not pair.one_convex):
+    if confidence < enough or (pair.probability >= _OTHER and not right and not pair.one_convex):
         return told, ""
     if pair.probability < NOTED:
         return "", ""
@@ -133,35 +134,26 @@ def two_objects(pair: Pair, right: bool, confidence: float) -> tuple[str, str]:
 
 
 def behind_overhang(overhang: Overhang) -> str:
-    """Say what of an outline may not be touched behind an overhang; "" of hardly anything."""
-    if overhang.probability < NOTED:
-        return ""
+    """Say what of an outline may not be touched behind an overhang."""
     return (
         f"an end jumps by {overhang.rise:.3g} mm from one strip to the next: behind such an overhang up to "
         f"{100.0 * min(overhang.share, 1.0):.0f} % of the outline may not be touched, with a probability of "
-        f"{overhang.probability:.2f} more than is promised; turn the object"
+        f"{overhang.probability:.2g} more than is promised; turn the object"
     )
 
 
-def doubts_of_few(
-    unlike: float, sound: float, strips: int, confidence: float | None, enough: float, one_object: bool
-) -> tuple[str, str, float | None]:
-    """Return advice that doubts an outline of few strips, or a note, and the confidence that is left.
+def unlike_few(unlike: float, sound: float, strips: int, one_object: bool) -> str:
+    """Say that few strips may read what their outline is unlike.
 
     Parameters
     ----------
     unlike, sound
-        Probabilities that the strips read what the outline is unlike, and that a channel left out is not faulty.
+        Probabilities that they do, and that a channel left out is not faulty.
     strips
         How many there are.
-    confidence
-        That the outline is right, if it is neither.
-    enough, one_object
-        The least confidence of an "ok"; whether it is known that there are no two.
+    one_object
+        Whether it is known that there are no two.
     """
-    other = 1.0 - (1.0 - unlike) * (1.0 - sound)
-    before = 1.0 if confidence is None else confidence
-    left = (1.0 - other) * before
     what = "a concave one" if one_object else "a concave one or two objects on the same strips"
     read = "this outline"
     remedy = "use finer strips, or slide or turn the contact and track it" + (
@@ -170,10 +162,27 @@ def doubts_of_few(
     if sound > unlike:
         read = "a faulty channel, whose reading was left out,"
         remedy = "press elsewhere, or if the channel is faulty leave it out by name (--without)"
-    told = f"{strips} strips hardly tell {read} from {what}, which it is with a probability of {other:.2g}: {remedy}"
-    told = told if other >= NOTED else ""
-    wrong, note = (told, "") if before >= enough > left else ("", told)
-    return wrong, note, None if confidence is None else left
+    other = either(unlike, sound)
+    return f"{strips} strips hardly tell {read} from {what}, which it is with a probability of {other:.2g}: {remedy}"
+
+
+def either(one: float, other: float) -> float:
+    """Return the probability of one of two that have nothing to do with each other, or of both."""
+    return 1.0 - (1.0 - one) * (1.0 - other)
+
+
+def lowered(
+    told: str, probability: float, confidence: float | None, enough: float
+) -> tuple[str, str, float | None]:
+    """Return what is `told` as advice that doubts an outline, or as a note, and the confidence that is left.
+
+    `probability` is that the outline is wrong for this; it doubts one that would be "ok", from `enough` on, without it.
+    """
+    before = 1.0 if confidence is None else confidence
+    left = (1.0 - probability) * before
+    doubted = before >= enough > left
+    noted = not doubted and probability >= NOTED
+    return told if doubted else "", told if noted else "", None if confidence is None else left
 
 
 def status_of(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -80,18 +81,22 @@ class Found:
         """Return what searches are compared by: the fit's, and what the offsets cost."""
         return self.fit.criterion(scans) + (0.0 if self.offsets is None else self.offsets.cost)
 
-    @property
-    def others(self) -> list[tuple[FloatArray, float]]:
-        """The rivals' corners in the fit's frame, each with its weight against all others, the fit's included."""
-        odds = [math.exp(-0.5 * max(worse, 0.0)) for _, worse in self.rivals]
-        total, poses = 1.0 + sum(odds), self.fit.poses[self.chosen]
-        return [(carried(fit, poses), one / total) for (fit, _), one in zip(self.rivals, odds, strict=True)]
+    @cached_property
+    def outlines(self) -> list[FloatArray]:
+        """The rivals' corners in the fit's frame."""
+        poses = self.fit.poses[self.chosen]
+        return [carried(fit, poses) for fit, _ in self.rivals]
+
+    def weights(self, rivals: Sequence[int]) -> FloatArray:
+        """Return how likely each of some rivals is the right outline, and not the fit or another one of these."""
+        odds = np.array([math.exp(-0.5 * max(self.rivals[i][1], 0.0)) for i in rivals])
+        return odds / (1.0 + odds.sum())
 
     @cached_property
     def _beside(self) -> list[tuple[float, float]]:
         """How far each rival's outline is from the fit's [mm], Hausdorff's distance, and the share it overlaps by."""
         own, found = shapely.Polygon(self.fit.corners).buffer(0), list[tuple[float, float]]()
-        for outline, _ in self.others:
+        for outline in self.outlines:
             other = shapely.Polygon(outline).buffer(0)
             share = other.intersection(own).area / max(other.union(own).area, 1e-9)
             found.append((float(other.hausdorff_distance(own)), float(share)))
@@ -101,13 +106,12 @@ class Found:
         """Return the rivals whose outlines are neither nearer to the fit's than given nor overlap it by `_ALIKE`."""
         return [i for i, (far, share) in enumerate(self._beside) if far > alike_mm and share < _ALIKE]
 
-    def likely(self, rivals: list[int]) -> float:
+    def likely(self, rivals: Sequence[int]) -> float:
         """Return how likely the right outline is one of some rivals, and not the fit's.
 
         Other rivals do not make these less likely: a valley of the cost has many best fits.
         """
-        odds = sum(math.exp(-0.5 * max(self.rivals[i][1], 0.0)) for i in rivals)
-        return odds / (1.0 + odds)
+        return float(self.weights(rivals).sum())
 
     def spread_mm(self, rivals: list[int]) -> float:
         """Return how far the outlines of some rivals are from the fit's, at most: Hausdorff's distance."""
@@ -121,7 +125,7 @@ class Found:
         """Return the rivals with poses of all scans, each the one that is most unlike the fit and those before it."""
         others = [
             (fit, shapely.Polygon(o).buffer(0))
-            for (fit, _), (o, _) in zip(self.rivals, self.others, strict=True)
+            for (fit, _), o in zip(self.rivals, self.outlines, strict=True)
         ]
         kept, shapes = list[Fit](), [shapely.Polygon(self.fit.corners).buffer(0)]
         apart = [float(shape.hausdorff_distance(shapes[0])) for _, shape in others]
@@ -139,7 +143,7 @@ class Found:
         What is less likely than `_UNLIKELY` does not count, nor do `FIRST` corners and more: they stand for a curve.
         """
         own = shapely.Polygon(self.fit.corners).buffer(0)
-        for (fit, worse), (outline, _) in zip(self.rivals, self.others, strict=True):
+        for (fit, worse), outline in zip(self.rivals, self.outlines, strict=True):
             far = float(shapely.Polygon(outline).buffer(0).hausdorff_distance(own))
             if (
                 len(fit.corners) != len(self.fit.corners)

@@ -413,7 +413,7 @@ def _among(
 def compared_again(scans: RigidScans, found: Found, fit: Fit, distribution: str) -> Found:
     """Return what was found of some scans as of these and more, about a fit of all: counted and compared anew."""
     others = [
-        settled(scans, fitted(scans, corners, fit.poses, basis=fit.basis)) for corners, _ in found.others
+        settled(scans, fitted(scans, corners, fit.poses, basis=fit.basis)) for corners in found.outlines
     ]
     return _compared(scans, [unstuck(scans, fit), *others], distribution)
 
