@@ -8,6 +8,7 @@ import pytest
 import tacstrip as ts
 from tacstrip.reconstruction.pieces.overhang import Overhang, widest_overhang
 from tacstrip.reconstruction.pieces.run import split_run
+from tacstrip.reconstruction.polygon.status import lowered
 
 SENSOR = ts.Sensor(construction="crs-crs", strips=40, pitch_mm=2.5, length_mm=100.0)
 X = SENSOR.x_mm[5:35]
@@ -58,3 +59,12 @@ def test_no_jump_hides_nothing_and_more_jumps_share_what_one_may_hide() -> None:
     assert 0.0 < two.probability == pytest.approx(0.5 * one.probability)
     assert Overhang(10.0, 0.9, 1).probability > one.probability
     assert Overhang(10.0, 1.0, 1).probability < 1.0  # another shape may fill it all the same
+
+
+def test_a_confidence_that_falls_below_what_ok_asks_for_doubts_however_little_lowers_it() -> None:
+    doubt, note, left = lowered("told", 0.04, 0.78, 0.77)
+    assert (doubt, note, left) == ("told", "", pytest.approx(0.7488))
+    assert lowered("told", 0.04, 0.9, 0.77)[:2] == ("", "")
+    assert lowered("told", 0.06, 0.9, 0.77)[:2] == ("", "told")
+    # What was not sure enough without it is not doubted for this.
+    assert lowered("told", 0.5, 0.7, 0.77) == ("", "told", 0.35)

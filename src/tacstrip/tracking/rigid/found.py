@@ -90,7 +90,7 @@ class Found:
     def weights(self, rivals: Sequence[int]) -> FloatArray:
         """Return how likely each of some rivals is the right outline, and not the fit or another one of these."""
         odds = np.array([math.exp(-0.5 * max(self.rivals[i][1], 0.0)) for i in rivals])
-        return odds / (1.0 + odds.sum())
+        return np.asarray(odds / (1.0 + odds.sum()))
 
     @cached_property
     def _beside(self) -> list[tuple[float, float]]:
