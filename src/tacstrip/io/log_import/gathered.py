@@ -119,6 +119,17 @@ def _cut_labels(parsed: list[tuple[int, list[Item]]]) -> frozenset[int]:
     return alone if len(alone) < (1.0 - STEADY) * whole else frozenset()
 
 
+def _of_messages(parsed: list[tuple[int, list[Item]]]) -> frozenset[int]:
+    """Return the few lines among the readings whose labels stand nowhere else, as "idx=0 tid=0": no scan is theirs."""
+    named = {i: {*_fields(found)} for i, found in parsed}
+    first = next((i for i, names in named.items() if any(meaning(n).role not in LABELS for n in names)), 0)
+    many = Counter(itertools.chain.from_iterable(named.values()))
+    early = set[str]().union(*(names for i, names in named.items() if i <= first))
+    most = (1.0 - STEADY) / _FEW_ALIKE * max(many.values(), default=0)
+    few = {n for n in {*many} - early if many[n] <= most and meaning(n).strip is None}
+    return frozenset(i for i, names in named.items() if names and names <= few)
+
+
 def _says_no_contact(line: str) -> bool:
     """Return whether a line says in words that nothing touches, as in `t=3 msg="no contact"`."""
     words = re.findall(r"\"([^\"]+)\"|[=:]\s*([A-Za-z][A-Za-z _/-]*)|((?:[A-Za-z_/-]+\s*)+)\Z", line)
@@ -213,7 +224,7 @@ class _Gathering:
         self._read()
 
     def _read(self) -> None:
-        torn, starts = _cut_labels(self.parsed), _first_letters(self.texts)
+        torn, starts = _cut_labels(self.parsed) | _of_messages(self.parsed), _first_letters(self.texts)
         numbered = any(
             _names_values(_fields(found)) and _NAMELESS in _fields(found) for _, found in self.parsed
         )
