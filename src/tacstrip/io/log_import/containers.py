@@ -149,7 +149,9 @@ def of_columns(columns: Mapping[str, Iterable[Any]]) -> Table:
 
 
 def _holds_records(value: Any) -> bool:
-    return isinstance(value, dict) or (isinstance(value, list | np.ndarray) and any(map(_holds_records, value)))
+    return isinstance(value, dict) or (
+        isinstance(value, list | np.ndarray) and any(map(_holds_records, value))
+    )
 
 
 def _field(value: Any) -> str:

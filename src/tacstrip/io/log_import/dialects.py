@@ -146,7 +146,9 @@ def _named_arrays(text: str, path: str) -> Table | None:
         base, limit, by = map(float, m["numbers"].split())
         arrays[m["name"]] = base + by * np.arange(round((limit - base) / by) + 1)
     step = _STEP.search(text)
-    said = {m["name"]: v if (v := number_of(m["said"])) is not None else m["said"] for m in _BESIDE.finditer(text)}
+    said = {
+        m["name"]: v if (v := number_of(m["said"])) is not None else m["said"] for m in _BESIDE.finditer(text)
+    }
     told = said | ({"dt_s": float(step[1])} if step else {})
     table = of_arrays(arrays, path, told, "arrays with names and sizes")
     # Rows that wrap have no lines of their own; nothing that stands in between is of some only.

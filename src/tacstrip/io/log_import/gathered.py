@@ -25,7 +25,9 @@ _NAMELESS = "column 1"  # the first value of a line without a name
 _ENDS = 2  # of a strip's contact
 _FEW_ALIKE = 3  # messages of the same form as the readings' lines
 # Of a strip, by its number: both ends, or what stands for no contact.
-_GROUP = re.compile(r"(?<!\S)(\d{1,3})\s?[:=](?=\s?(?:[\d.]+[,/|][\d.]+|[-xX*_]{1,5}|nan|null|none|n/a)[,;|]?(?:\s|\Z))", re.I)
+_GROUP = re.compile(
+    r"(?<!\S)(\d{1,3})\s?[:=](?=\s?(?:[\d.]+[,/|][\d.]+|[-xX*_]{1,5}|nan|null|none|n/a)[,;|]?(?:\s|\Z))", re.I
+)
 _SAMPLE = 200  # lines that tell whether all are of a kind
 
 
@@ -57,7 +59,7 @@ def named_values(lines: list[tuple[int, str]], stamps: Mapping[int, str]) -> Tab
 
 
 def _with_numbered_groups(lines: list[tuple[int, str]]) -> list[tuple[int, str]]:
-    """Return lines of a number and two values for each strip, as "1:2.5,1.8 2:-- 3:2.4,1.7", with "S" before numbers."""
+    """Return lines that list strips' ends by number, as "1:2.5,1.8 2:-- 3:2.4,1.7", with "S" before each number."""
     there = [_GROUP.findall(line) for _, line in lines]
     held = sum(bool(re.search(r"\d", line)) for _, line in lines)
     counted = [[*map(int, found)] for found in there if len(found) > 1]

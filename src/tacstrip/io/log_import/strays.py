@@ -26,7 +26,8 @@ _PATH = re.compile(r"[^\W\d]\w*/\w+")
 # A level, a time and a tag before each line, as ESP-IDF and Python write.
 _TAGGED = re.compile(
     r"\s*(?:[EWIDV] \(\d+\) ([A-Za-z][\w.-]*):"
-    r"|(?:[\d:.,T/-]+ ){0,2}(?:- )?\[?(?:TRACE|DEBUG|INFO|WARN|WARNING|ERROR)\]?[ :-]+([A-Za-z][\w.-]*):(?: |(?=[a-z]+: )))"
+    r"|(?:[\d:.,T/-]+ ){0,2}(?:- )?\[?(?:TRACE|DEBUG|INFO|WARN|WARNING|ERROR)\]?[ :-]+"
+    r"([A-Za-z][\w.-]*):(?: |(?=[a-z]+: )))"
 )
 # What the ROM of an ESP32 prints before the program starts, and its monitor before that.
 _ROM = re.compile(

@@ -416,8 +416,8 @@ def _likely_units(
         best = max(best, _MUCH)  # so few of the millivolts, and not on the converter's steps of them
     if whole and {*fits} == {"code", "mV"} and _stay_at_full_scale(values, vref, bits):
         clues.doubt(
-            f"readings are {top:g} again and again: taken as codes of {bits} bits, of which adc_bits speaks, for that is "
-            "their full scale, and they do not lie on the steps of these in mV; else --answer unit=mV"
+            f"readings are {top:g} again and again: taken as codes of {bits} bits, of which adc_bits speaks, for that "
+            "is their full scale, and they do not lie on the steps of these in mV; else --answer unit=mV"
         )
         return ["code"]
     likely = [u for u, part in fits.items() if part >= _LITTLE or best < _MUCH]
