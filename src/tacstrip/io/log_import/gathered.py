@@ -154,7 +154,8 @@ def _of_messages(parsed: list[tuple[int, list[Item]]]) -> frozenset[int]:
     early = set[str]().union(*(names for i, names in named.items() if i <= first))
     most = (1.0 - STEADY) / _FEW_ALIKE * max(many.values(), default=0)
     few = {n for n in {*many} - early if many[n] <= most and meaning(n).strip is None}
-    return frozenset(i for i, names in named.items() if names and names <= few)
+    labelled = {n for n in few if meaning(n).role in LABELS}
+    return frozenset(i for i, names in named.items() if names & labelled and names <= few)
 
 
 def _says_no_contact(line: str) -> bool:
