@@ -273,3 +273,20 @@ def test_readings_that_stay_at_full_scale_are_codes(bits: int | None, asked: boo
     found = propose(log, sensor)
     assert found.mapping.unit == "code"
     assert any("1023 again and again" in doubt for doubt in found.doubts)
+
+
+def test_what_all_columns_are_called_names_no_strip() -> None:
+    names = ",".join(f"Run 1: Strip {s + 1} {end} (V)" for s in range(STRIPS) for end in ("high", "low"))
+    rows = (",".join([f"{0.05 * n:.2f}", *(field(v, "") for v in BOTH[n].ravel())]) for n in range(SCANS))
+    found = propose(of_text("\n".join([f"Run 1: Time (s),{names}", *rows, ""])), RUBBER)
+    np.testing.assert_allclose(values(found), BOTH)
+
+
+def test_lines_of_many_whole_scans_are_not_lost_in_silence() -> None:
+    rows = (  # a time in hexadecimal digits, which few lines have in decimal ones
+        f"e9eda97e.{int(0.04 * n % 1 * 2**32):08x} /skin/strip/{s} ff {field(HIGH[n, s], 'nan')} {field(LOW[n, s], 'nan')}"
+        for n in range(SCANS)
+        for s in range(STRIPS)
+    )
+    with pytest.raises(Unanswered, match="the 5 columns have no names"):
+        propose(of_text("\n".join([*rows, ""])), RUBBER)
