@@ -253,7 +253,7 @@ def test_milliseconds_in_a_column_of_seconds_are_doubted(step: float, unit: str)
 def test_a_tick_may_be_a_part_of_a_second() -> None:
     log = wide("h{s},l{s}", HIGH, LOW).replace("t_s", "tick", 1).split("\n")
     log[1:-1] = [f"{16 * n},{row.partition(',')[2]}" for n, row in enumerate(log[1:-1])]
-    with pytest.raises(Unanswered, match="1/1024s: of a clock of 1024 Hz"):
+    with pytest.raises(Unanswered, match=r"0\.1ms, or 1/1024s of a clock of 1024 Hz"):
         proposed("\n".join(log))
     found = proposed("\n".join(log), time_unit="1/1024s")
     assert found.scans[1].time_s == 16 / 1024

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Real
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 import numpy as np
 
@@ -76,12 +76,8 @@ def _of_other_form(frame: Frame, sensor: Sensor) -> list[Scan]:
     from tacstrip.io.log_import.questions import Unanswered
     from tacstrip.io.log_import.write import as_readings
 
-    columns = {str(name): frame[name] for name in frame.columns}
-    index = getattr(frame, "index", None)
-    if index is not None and (
-        name := getattr(index, "name", None) or ("time" if hasattr(index, "tz") else "")
-    ):
-        columns = {str(name): index} | columns
+    columns = {name: _values(level) for name, level in _levels(getattr(frame, "index", None))}
+    columns |= {str(name): _values(frame[name]) for name in frame.columns}
     try:
         found = propose(of_columns(columns), sensor)
     except Unanswered as open_:
@@ -91,6 +87,20 @@ def _of_other_form(frame: Frame, sensor: Sensor) -> list[Scan]:
         ) from None
     header, rows = as_readings(found.scans, found.mapping, sensor.vref_volt, sensor.strip_base)
     return _scans(header, enumerate(rows, 1), sensor)
+
+
+def _levels(index: Any) -> Iterator[tuple[str, Iterable[Any]]]:
+    """Yield the levels of a table's index that have a name, or are times."""
+    names = list(getattr(index, "names", [getattr(index, "name", None)]))
+    times = hasattr(index, "tz") or hasattr(index, "total_seconds")
+    for n, name in enumerate(names):
+        if name is not None or times:
+            yield str(name or "time"), index.get_level_values(n) if len(names) > 1 else index
+
+
+def _values(column: Iterable[Any]) -> Iterable[Any]:
+    """Return the values of a table's column, lists as such, which Polars has as columns within it."""
+    return cast("Iterable[Any]", column.to_list()) if hasattr(column, "to_list") else column
 
 
 def _lines(frame: Frame) -> Iterator[Row]:

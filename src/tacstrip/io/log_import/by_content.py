@@ -193,6 +193,8 @@ def _best(
     ):
         return None
     table = _table(columns, one, rows, texts, read, lost, decimal, values)
+    if len(table.broken) > len(rows):  # these rows are the few of which a part happens to look so
+        return None
     if empty is not None:
         if one.strip is None or one.which is not None:
             return None
@@ -565,7 +567,8 @@ def _table(
         )
     )
     whole = one.strip is not None and one.which is None and len(rows) == len(values) * values.shape[1]
-    broken = tuple(n for n in broken if not whole)  # a line that is lost would leave a gap
+    if whole and len(broken) < values.shape[1]:  # a line that is lost would leave a gap
+        broken = ()
     shown = texts[rows[0].number][:_LONG]
     told = f"line {rows[0].number} ({shown!r}) and those like it are read as {', '.join(made)}; {BY_CONTENT}"
     return Table(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import importlib
+import json
 import math
 import re
 import tempfile
@@ -139,9 +140,18 @@ def _of_gzip(file: Path, sheet: str | None) -> Table:
 
 
 def of_columns(columns: Mapping[str, Iterable[Any]]) -> Table:
-    """Return columns of values as a table in normal form; None and NaN are empty fields."""
+    """Return columns of values as a table in normal form; None and NaN are empty fields, records lines of JSON."""
+    if any(_holds_records(value) for values in columns.values() for value in values):
+        rows_of = (dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True))
+        return of_text("\n".join(json.dumps(row, default=text_of) for row in rows_of), "")
     rows = [[_field(value) for value in row] for row in zip(*columns.values(), strict=True)]
     return in_normal_form(Table(tuple(columns), rows, list(range(1, len(rows) + 1))))
+
+
+def _holds_records(value: Any) -> bool:
+    return isinstance(value, dict) or (
+        isinstance(value, list | np.ndarray) and any(map(_holds_records, value))
+    )
 
 
 def _field(value: Any) -> str:
@@ -381,8 +391,7 @@ def _parquet(file: Path) -> dict[str, list[Any]]:
         said = parquet.ParquetFile(opened, page_checksum_verification=True)
         if said.metadata.num_rows * said.metadata.num_columns > _MOST_NUMBERS:
             raise ReadingError(f"{file}: more than {_MOST_NUMBERS:,} numbers; cut it into pieces")
-        columns: dict[str, list[Any]] = said.read().to_pydict()
-    return columns
+        return _of_arrow(said.read())
 
 
 def _feather(file: Path) -> dict[str, list[Any]]:
@@ -391,8 +400,28 @@ def _feather(file: Path) -> dict[str, list[Any]]:
         read = feather.read_table(opened, memory_map=False)
         if read.num_rows * read.num_columns > _MOST_NUMBERS:
             raise ReadingError(f"{file}: more than {_MOST_NUMBERS:,} numbers; cut it into pieces")
-        columns: dict[str, list[Any]] = read.to_pydict()
+        return _of_arrow(read)
+
+
+def _of_arrow(table: Any) -> dict[str, list[Any]]:
+    """Return columns of an Arrow table as values of Python, whose times have no nanoseconds."""
+    types = importlib.import_module("pyarrow").types
+    while any(types.is_struct(t) for t in table.schema.types):
+        table = table.flatten()
+    columns = {}
+    for field, column in zip(table.schema, table.columns, strict=True):
+        fine = types.is_temporal(field.type) and getattr(field.type, "unit", "") == "ns"
+        values = column.cast(_in_microseconds(field.type), safe=False) if fine else column
+        columns[field.name] = values.to_pylist(maps_as_pydicts="strict")
     return columns
+
+
+def _in_microseconds(kind: Any) -> Any:
+    """Return the type of a time stamp, a duration or a time of day that counts microseconds."""
+    pyarrow = importlib.import_module("pyarrow")
+    if pyarrow.types.is_timestamp(kind):
+        return pyarrow.timestamp("us", kind.tz)
+    return pyarrow.duration("us") if pyarrow.types.is_duration(kind) else pyarrow.time64("us")
 
 
 def _library(name: str, path: str | Path, extra: str) -> Any:

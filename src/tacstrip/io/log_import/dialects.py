@@ -40,6 +40,13 @@ _HEADED = re.compile(  # an array below a comment with its name, as np.savetxt w
     r"(?m)^[#%]+[ \t]*(?P<name>[^\W\d]\w*(?:[ \t]*[\[(][^\])\n]*[\])])?)(?P<rest>[^\n]*)\n"
     r"(?P<body>(?:(?![#%])[^\n]*\S[^\n]*(?:\n|\Z))+)"
 )
+_RANGE = re.compile(  # of Octave
+    r"(?m)^# name: (?P<name>\w+)\n# type: (?:double_)?range\n# base, limit, increment\n(?P<numbers>(?:\S+ ){2}\S+)$"
+)
+# A number or a text beside the arrays of Octave.
+_BESIDE = re.compile(
+    r"(?m)^# name: (?P<name>\w+)\n# type: (?:scalar|double|sq_string|string|bool)\n(?:# .*\n)*(?P<said>[^#\s].*)$"
+)
 _PLACE = re.compile(r"\(\d+(?:,\d+)*\):")  # of the number behind it, as h5dump writes
 _STEP = re.compile(r"SetScale/P x [^,]+,([\d.eE+-]+),\"s\"")  # from scan to scan, of Igor
 _UNIT_OF = re.compile(r"ATTRIBUTE \"units?\".*?\(0\): \"([^\s\"]+)", re.DOTALL)
@@ -118,7 +125,7 @@ def _with_broken(table: Table, lines: Sequence[tuple[int, str]], form: re.Patter
 def _named_arrays(text: str, path: str) -> Table | None:
     """Return arrays that a program saved as text: names, sizes, and the numbers; other lines as lines above."""
     arrays: dict[str, npt.NDArray[np.float64]] = {}
-    around = text
+    around, begins = text, dict[int, int]()  # the line with which an array of as many lines begins
     for m in (m for form in _ARRAYS for m in form.finditer(text)):
         name, shape = m["name"], [int(n) for n in re.findall(r"\d+", m["shape"])]
         fields = _PLACE.sub(" ", m["body"]).replace(",", " ").split()
@@ -132,10 +139,24 @@ def _named_arrays(text: str, path: str) -> Table | None:
             np.array(values, dtype=np.float64).reshape(shape).squeeze()
         )
         around = around.replace(m["body"], "\n")
+        begins.setdefault(m["body"].strip().count("\n") + 1, text.count("\n", 0, m.start("body")) + 1)
     if not arrays:
         return None
+    for m in _RANGE.finditer(text):
+        base, limit, by = (number_of(f) or 0.0 for f in m["numbers"].split())
+        many = round((limit - base) / by) + 1 if by else 0
+        if 0 < many <= text.count("\n"):  # of as many scans as there are lines
+            arrays[m["name"]] = base + by * np.arange(many, dtype=np.float64)
     step = _STEP.search(text)
-    table = of_arrays(arrays, path, {"dt_s": float(step[1])} if step else {}, "arrays with names and sizes")
+    said = {
+        m["name"]: v if (v := number_of(m["said"])) is not None else m["said"] for m in _BESIDE.finditer(text)
+    }
+    told = said | ({"dt_s": float(step[1])} if step else {})
+    table = of_arrays(arrays, path, told, "arrays with names and sizes")
+    # Rows that wrap have no lines of their own; nothing that stands in between is of some only.
+    first = begins.get(len(table.rows), 0)
+    lines = [first + n if first else min(begins.values()) for n in range(len(table.rows))]
+    table = replace(table, lines=lines)
     beside = [] if _ARRAYS[0].search(text) else filled_lines(around)  # Octave's are variables, too
     return replace(table, preamble=(*table.preamble, *(line for _, line in beside)))
 

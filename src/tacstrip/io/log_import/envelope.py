@@ -18,10 +18,11 @@ from tacstrip.io.log_import.table import CLOCK, Table
 
 _DAY_NAMED = r"(?:(?:[A-Z][a-z]{2},? )?[A-Z][a-z]{2} [ \d]\d )?"  # as "Sun Nov 22 "
 _HOST = re.compile(r"[\w.-]+ [\w./-]+(?:\[\d+\])?: ")  # behind the time of a system's journal
-# Such as "14:03:07.512 -> ", which the serial monitor of the Arduino IDE puts before each line, or "[14:03:07] ".
+# Such as "14:03:07.512 -> ", which the serial monitor of the Arduino IDE puts before each line, "[14:03:07] ", or the
+# mark of what SSCOM has received.
 _STAMPED = re.compile(
     rf"\s*\[?{_DAY_NAMED}(?P<stamp>{STAMP})(?: \d{{4}}(?=\])|,\d{{3}}(?=\]))?\]?"
-    r"(?!\s*[AaPp]\.?[Mm]\b)\s*(?:->|=>|>|\||:|\t|\s)\s*(?=\S)"
+    r"(?!\s*[AaPp]\.?[Mm]\b)\s*(?:->|=>|>|\||:|\t|\s|\u6536?\u2190\u25c6)\s*(?=\S)"
 )
 _LEVELS = (
     r"(?:<(?:dbg|inf|wrn|err)>"

@@ -22,7 +22,12 @@ _FEW_KINDS = 0.5  # of the records: as many name the same values, or all do as t
 _COMMA = re.compile(r"(?<![\d,.:])\d+,\d+(?![\d,.])")
 _STRIP_NAMED = re.compile(r"(\D*?)(\d+)(.*)\Z")  # a name with a strip's number in it
 _NAMELESS = "column 1"  # the first value of a line without a name
+_ENDS = 2  # of a strip's contact
 _FEW_ALIKE = 3  # messages of the same form as the readings' lines
+# Of a strip, by its number: both ends, or what stands for no contact.
+_GROUP = re.compile(
+    r"(?<!\S)(\d{1,3})\s?[:=](?=\s?(?:[\d.]+[,/|][\d.]+|[-xX*_]{1,5}|nan|null|none|n/a)[,;|]?(?:\s|\Z))", re.I
+)
 _SAMPLE = 200  # lines that tell whether all are of a kind
 
 
@@ -34,7 +39,7 @@ def named_values(lines: list[tuple[int, str]], stamps: Mapping[int, str]) -> Tab
     """
     with contextlib.suppress(ReadingError):  # raised below where the log is of this kind
         lines = _with_points(lines)
-    lines, unknown = with_names_of_nothing(lines)
+    lines, unknown = with_names_of_nothing(_with_numbered_groups(lines))
     if len(lines) > _SAMPLE and named_values(lines[:_SAMPLE], stamps) is None:
         return None
     parsed = [(i, items(line)) for i, line in lines]
@@ -53,6 +58,17 @@ def named_values(lines: list[tuple[int, str]], stamps: Mapping[int, str]) -> Tab
     return table and replace(table, doubts=(*table.doubts, *doubts))
 
 
+def _with_numbered_groups(lines: list[tuple[int, str]]) -> list[tuple[int, str]]:
+    """Return lines that list strips' ends by number, as "1:2.5,1.8 2:-- 3:2.4,1.7", with "S" before each number."""
+    there = [_GROUP.findall(line) for _, line in lines]
+    held = sum(bool(re.search(r"\d", line)) for _, line in lines)
+    counted = [[*map(int, found)] for found in there if len(found) > 1]
+    counted = [found for found in counted if found == [*range(found[0], found[0] + len(found))]]
+    if len(counted) <= STEADY * held:
+        return lines
+    return [(i, _GROUP.sub(r"S\g<0>", line)) for i, line in lines]
+
+
 def _without_counts(parsed: list[tuple[int, list[Item]]]) -> list[tuple[int, list[Item]]]:
     """Return what lines name without how many lines follow, as "touched=3" of a scan, if that is so of each."""
     forms = [tuple(item.name for item in found) for _, found in parsed]
@@ -69,6 +85,17 @@ def _without_counts(parsed: list[tuple[int, list[Item]]]) -> list[tuple[int, lis
 
 def _of_both_ends(parsed: list[tuple[int, list[Item]]]) -> list[tuple[int, list[Item]]]:
     """Return what lines name with one mark for nothing of a strip, as "strip 2: ---", as of each of its readings."""
+    sizes: dict[str, int] = {}  # of "S2: --" beside "S1: 2.5,1.8"
+    for item in itertools.chain.from_iterable(found for _, found in parsed):
+        key = re.sub(r"\d+", "0", item.name)
+        sizes[key] = max(sizes.get(key, 0), len(item.values) if meaning(item.name).strip is not None else 0)
+
+    def both(item: Item) -> Item:
+        alone = len(item.values) == 1 and says_nothing(item.values[0])
+        pair = alone and sizes[re.sub(r"\d+", "0", item.name)] == _ENDS
+        return replace(item, values=item.values * _ENDS) if pair else item
+
+    parsed = [(i, [*map(both, found)]) for i, found in parsed]
     names = dict.fromkeys(item.name for _, found in parsed for item in found)
     inner = list(dict.fromkeys(m[1] for n in names if (m := re.fullmatch(r"strip \d+( .+)", n))))
 
@@ -117,6 +144,18 @@ def _cut_labels(parsed: list[tuple[int, list[Item]]]) -> frozenset[int]:
     alone = frozenset(i for i, said in roles.items() if said == ["strip"])
     whole = sum("strip" in said and len(said) > 1 for said in roles.values())
     return alone if len(alone) < (1.0 - STEADY) * whole else frozenset()
+
+
+def _of_messages(parsed: list[tuple[int, list[Item]]]) -> frozenset[int]:
+    """Return the few lines among the readings whose labels stand nowhere else, as "idx=0 tid=0": no scan is theirs."""
+    named = {i: {*_fields(found)} for i, found in parsed}
+    first = next((i for i, names in named.items() if any(meaning(n).role not in LABELS for n in names)), 0)
+    many = Counter(itertools.chain.from_iterable(named.values()))
+    early = set[str]().union(*(names for i, names in named.items() if i <= first))
+    most = (1.0 - STEADY) / _FEW_ALIKE * max(many.values(), default=0)
+    few = {n for n in {*many} - early if many[n] <= most and meaning(n).strip is None}
+    labelled = {n for n in few if meaning(n).role in LABELS}
+    return frozenset(i for i, names in named.items() if names & labelled and names <= few)
 
 
 def _says_no_contact(line: str) -> bool:
@@ -213,7 +252,7 @@ class _Gathering:
         self._read()
 
     def _read(self) -> None:
-        torn, starts = _cut_labels(self.parsed), _first_letters(self.texts)
+        torn, starts = _cut_labels(self.parsed) | _of_messages(self.parsed), _first_letters(self.texts)
         numbered = any(
             _names_values(_fields(found)) and _NAMELESS in _fields(found) for _, found in self.parsed
         )
@@ -316,6 +355,7 @@ class _Gathering:
         if there > usual and other and there - set().union(*(named for _, named in other)) == usual:
             self.strange += [i for i, _ in other]
             record.values = {name: f for name, f in record.values.items() if name in usual}
+            record.line = next(i for i, named in record.parts if named & usual)
 
     def _without_count(self, usual: frozenset[str]) -> tuple[frozenset[str], list[str]]:
         """Return the usual names and those of strips, without one that only says how many there are.

@@ -373,8 +373,8 @@ def _order_names(clues: Clues, found: Columns) -> None:
     order = [names[n] for n in order_of_neighbours(np.stack(values))]
     clues.ask(
         "strip_order",
-        f"strips are called {', '.join(names)}: in which order do they lie, from the first strip on? By which are "
-        "touched together, and read alike, so or in reverse",
+        f"strips are called {', '.join(names)}: in which order do they lie, from the first strip on? "
+        "(Any order can be written so.) By which are touched together, and read alike, so or in reverse",
         ",".join(order), ",".join(order[::-1]),
     )  # fmt: skip
     clues.strip_names = ",".join(order)

@@ -78,7 +78,7 @@ UNITS = {
         "uV": "uv µv microvolt microvolts", "cV": "cv centivolt centivolts", "dV": "dv decivolt decivolts",
         "percent": "% percent pct prozent", "permille": "‰ permille permil promille",
         "code": "code codes adc raw counts count cnt lsb digits digit dig bit bits dn",
-        "fraction": "ratio fraction norm normalised normalized", "mm": "mm", "cm": "cm", "m": "m",
+        "fraction": "ratio fraction frac ratiometric norm normalised normalized", "mm": "mm", "cm": "cm", "m": "m",
     }.items()
     for word in alike.split()
 }  # fmt: skip
@@ -92,6 +92,8 @@ _LAST = frozenset(UNITS) - {
     "norm",
     "ratio",
     "fraction",
+    "frac",
+    "ratiometric",
     "raw",
     "adc",
     "code",
@@ -117,6 +119,11 @@ _LONG_TIMES = {
 _IN_NAMES = (
     UNITS | {"vref": "fraction"} | {w: u for w, u in _LONG_TIMES.items() if w != "h"}
 )  # in brackets or after /
+# As in "VH_over_Vref_1" and "Uh/Uref 1".
+_OVER_REFERENCE = re.compile(
+    r"(?:(?:[\s_.-]+|(?<=[a-z\d]))(?:[Oo]ver|[Pp]er|[Oo]f|[Bb]y|durch|sur|rel(?:ative)?[\s_]+to)[\s_.-]*|\s*/\s*)"
+    r"(?i:[vua]_?ref|v_?(?:cc|dd)|avdd|supply)(?![A-Za-z])"
+)
 # In brackets, what is a unit of something else, or a factor.
 _FOREIGN = re.compile(
     r"(?:[pnu\u00b5mkMh]?(?:[Oo]hms?|\u03a9|\u2126|Amps?|Hz|Pa|F|W|N|A|S)|kV|[mkn]?g|[mckn]m|psi|m?bar|[mk]?gf|lbf?|oz|atm|Torr|mmHg"
@@ -567,6 +574,8 @@ def _tokens(name: str) -> tuple[list[str], str]:
     slash = re.search(r"[/,]\s*(\w+|%)\s*$", plain)
     if slash and slash.group(1).lower() in _IN_NAMES:
         unit, plain = unit or _IN_NAMES[slash.group(1).lower()], plain[: slash.start()]
+    plain, ratios = _OVER_REFERENCE.subn(" ", plain)
+    unit = unit or ("fraction" if ratios else "")
     plain = re.sub("[mcdu\u00b5]V", lambda unit: unit[0].lower(), plain).replace(
         "mSec", "msec"
     )  # no two words

@@ -313,9 +313,25 @@ def _in_order(
         or not (rising and (alike or apart))
     ):
         return table, times
+    times = times if alike else _by_scan(times, runs)
     order = [n for _, _, n in sorted((times[n], place, n) for place, run in enumerate(runs) for n in run)]
     rows, lines = [table.rows[n] for n in order], [table.lines[n] for n in order]
     return replace(table, rows=rows, lines=lines), times[order] - times[order[0]]
+
+
+def _by_scan(times: FloatArray, runs: Sequence[Sequence[int]]) -> FloatArray:
+    """Return each row's time as that of its scan's first where each strip, or its channel, has a time of its own.
+
+    Rows are of one scan that are nearer to each other than half the usual time from one row of a run to its next; the
+    times stay as they are where that would put two rows of a run into one scan.
+    """
+    apart = 0.5 * float(np.median(np.concatenate([np.diff(times[run]) for run in runs])))
+    first, shared = -np.inf, times.copy()
+    for n in np.argsort(times, kind="stable"):
+        first = times[n] if times[n] - first >= apart else first
+        shared[n] = first
+    distinct = all(len({*shared[run]}) == len(run) for run in runs)
+    return shared if distinct else times
 
 
 def _scans(

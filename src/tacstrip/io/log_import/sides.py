@@ -61,6 +61,11 @@ _OTHERWISE = re.compile(
 )
 
 
+def _ways_to_call(name: str) -> set[str]:
+    """Return a column's name without its unit, and the input's in it, as "C0" of "C0_H"."""
+    return {re.sub(r"\s*[\[(].*", "", name), *re.findall(r"\A[^\W\d]+ ?\d+", name)}
+
+
 def assigned_otherwise(columns: Mapping[str, int], lines: Sequence[str]) -> tuple[str, bool, dict[str, int]]:
     """Return the line that gives columns to other strips than their names do, and whether just to those from the right.
 
@@ -88,10 +93,13 @@ def assigned_otherwise(columns: Mapping[str, int], lines: Sequence[str]) -> tupl
         if (m := _SHIFTED.search(line)) and (not named or min(named) + int(m[2] + m[3]) not in (0, 1)):
             return line, False, {}
     told: dict[str, tuple[int, str]] = {}
+    strips_of: dict[str, set[int]] = {}  # "Run 1", as all columns may be called, names none of them
+    for name, strip in columns.items():
+        for way in _ways_to_call(name):
+            strips_of.setdefault(way, set()).add(strip)
     for name in columns:
-        # The whole name without its unit, or only the input's, as "C0" of "C0_H".
-        ways = {re.sub(r"\s*[\[(].*", "", name), *re.findall(r"\A[^\W\d]+ ?\d+", name)}
-        bare = f"(?:{'|'.join(map(re.escape, sorted(ways, key=len, reverse=True)))})"
+        ways = sorted((w for w in _ways_to_call(name) if len(strips_of[w]) == 1), key=len, reverse=True)
+        bare = f"(?:{'|'.join(map(re.escape, ways)) or '(?!)'})"
         said = re.compile(
             rf"(?<!\w){bare}\s*{_IS}\s*{_STRIP}\s*#?(\d+)|\b{_STRIP}\s*#?(\d+)\s*{_IS}\s*(?:pin |input )?{bare}(?!\w)",
             re.IGNORECASE,

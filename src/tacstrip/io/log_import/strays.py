@@ -25,8 +25,9 @@ _NAMES_ITSELF = re.compile(r"[^\W\d_]{2,}\d*\s*[:=]")  # a line that needs no na
 _PATH = re.compile(r"[^\W\d]\w*/\w+")
 # A level, a time and a tag before each line, as ESP-IDF and Python write.
 _TAGGED = re.compile(
-    r"\s*(?:[EWIDV] \(\d+\) |(?:[\d:.,T/-]+ ){0,2}(?:- )?\[?(?:TRACE|DEBUG|INFO|WARN|WARNING|ERROR)\]?[ :-]+)"
-    r"([A-Za-z][\w.-]*):(?: |(?=[a-z]+: ))"
+    r"\s*(?:[EWIDV] \(\d+\) ([A-Za-z][\w.-]*):"
+    r"|(?:[\d:.,T/-]+ ){0,2}(?:- )?\[?(?:TRACE|DEBUG|INFO|WARN|WARNING|ERROR)\]?[ :-]+"
+    r"([A-Za-z][\w.-]*):(?: |(?=[a-z]+: )))"
 )
 # What the ROM of an ESP32 prints before the program starts, and its monitor before that.
 _ROM = re.compile(
@@ -107,11 +108,11 @@ def without_messages(text: str) -> tuple[str, str]:
     """
     text = without(text, frozenset(n for n, line in numbered(text) if _ROM.match(line.lstrip())))
     text, foreign = _without_foreign(text)
-    found = {n: m for n, line in numbered(text) if (m := _TAGGED.match(line))}
-    tags = Counter(m[1] for m in found.values()).most_common(1)
+    found = {n: m[1] or m[2] for n, line in numbered(text) if (m := _TAGGED.match(line))}
+    tags = Counter(found.values()).most_common(1)
     if not tags or tags[0][1] < _OFTEN or 2 * tags[0][1] <= len(found):
         return text, foreign
-    out = frozenset(n for n, m in found.items() if m[1] != tags[0][0])
+    out = frozenset(n for n, tag in found.items() if tag != tags[0][0])
     said = f"line(s) {', '.join(map(str, sorted(out)[:_SHOWN]))}: of another tag than {tags[0][0]!r}; passed over"
     return (without(text, out), "; ".join(filter(None, [said, foreign]))) if out else (text, foreign)
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 import bisect
 import itertools
 import re
+import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
+from datetime import timedelta
 from functools import cached_property
 from typing import Any
 
@@ -283,8 +285,10 @@ def said_above(values: Mapping[str, Any]) -> tuple[str, ...]:
 
 def text_of(value: Any) -> str:
     """Return a cell of a spreadsheet, an array or a record as a field."""
-    if value is None or value != value:
+    if value is None or value is getattr(sys.modules.get("pandas"), "NA", None) or value != value:
         return ""
+    if isinstance(value, timedelta):
+        return f"{value.total_seconds():.15g} s"
     if isinstance(value, float | np.floating):
         return f"{value:.15g}"
     if isinstance(value, bool | np.bool_):

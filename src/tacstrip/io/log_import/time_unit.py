@@ -323,7 +323,11 @@ def _of_steps(clues: Clues, mapping: ColumnMapping, step: float, counts: bool) -
         "time_unit",
         f"{mapping.time} rises by {step:g} from scan to scan: in which unit?"
         + (f" ({strange!r} is none that is known: if it is none of these, write seconds)" if strange else "")
-        + (" (1/1024s: of a clock of 1024 Hz)" if _TICKS.search(mapping.time) else "")
+        + (
+            " (any other tick can be written so: 0.1ms, or 1/1024s of a clock of 1024 Hz)"
+            if _TICKS.search(mapping.time)
+            else ""
+        )
         + (" (If it only counts the scans, --answer rate_hz=50 with their rate instead)" if counts else ""),
         *(fits or ("s", "ms", "us")),
     )

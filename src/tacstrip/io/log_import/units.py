@@ -414,6 +414,12 @@ def _likely_units(
                 "on the steps of these in mV; else --answer unit=mV"
             )
         best = max(best, _MUCH)  # so few of the millivolts, and not on the converter's steps of them
+    if whole and {*fits} == {"code", "mV"} and _stay_at_full_scale(values, vref, bits):
+        clues.doubt(
+            f"readings are {top:g} again and again: taken as codes of {bits} bits, of which adc_bits speaks, for that "
+            "is their full scale, and they do not lie on the steps of these in mV; else --answer unit=mV"
+        )
+        return ["code"]
     likely = [u for u, part in fits.items() if part >= _LITTLE or best < _MUCH]
     likely = [u for u in likely if not vref or fits[u] >= _FAINT] or likely
     if not likely and {*fits} == {"code", "mV"}:
@@ -521,6 +527,16 @@ def _lies_off_steps(values: FloatArray, vref: float, bits: int) -> bool:
     distinct = np.unique(values)
     off = np.abs(distinct - step * np.round(distinct / step))
     return step > 2.0 and int((off > 1.0).sum()) >= _FEW_CODES
+
+
+def _stay_at_full_scale(values: FloatArray, vref: float, bits: int) -> bool:
+    """Return whether several readings are a converter's full scale, and readings are none of its millivolts.
+
+    Without its bits that tells nothing: other converters stay at 1023, 2047 or 4095 mV, in ranges of their own.
+    """
+    top = values.max()
+    often = int((values == top).sum()) >= _FEW_CODES
+    return bool(bits and top == 2.0**bits - 1.0 and often and _lies_off_steps(values, vref, bits))
 
 
 def _on_steps(values: FloatArray, vref: float, bits: int) -> str:
