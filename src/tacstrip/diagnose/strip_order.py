@@ -66,11 +66,10 @@ def compared_orders(rows: WorkingCopy) -> Orders:
 
 def _pairs(rough: FloatArray, touched: BoolArray) -> IntArray:
     """Return the places to compare (pairs, 2), from how rough it is around each and which are touched (places,)."""
-    n = len(rough)
-    roughest = np.argsort(-rough, kind="stable")[:_ROUGHEST].tolist()
-    pairs = {(i, j) for i in range(n) for j in range(i + 1, min(i + _BAND + 1, n))}
-    pairs |= {(min(i, j), max(i, j)) for i in roughest for j in range(n) if i != j}
-    return np.array(sorted(p for p in pairs if touched[list(p)].any()), dtype=int).reshape(-1, 2)
+    one, other = np.triu_indices(len(rough), 1)
+    roughest = np.argsort(-rough, kind="stable")[:_ROUGHEST]
+    compared = (other - one <= _BAND) | np.isin(one, roughest) | np.isin(other, roughest)
+    return np.stack([one, other], axis=1)[compared & (touched[one] | touched[other])]
 
 
 def _compared(at: _Roughness, pairs: IntArray, signatures: int) -> tuple[BoolArray, BoolArray, FloatArray]:
@@ -81,7 +80,7 @@ def _compared(at: _Roughness, pairs: IntArray, signatures: int) -> tuple[BoolArr
     def smoother(one: _Sums, other: _Sums) -> BoolArray:
         """Whether the order of `one` is clearly smoother than that of `other` (pairs,)."""
         clearly = (other.each - one.each > least) & (one.each < _LEAVES * other.each)
-        against, times = (one.each - other.each > least).sum(axis=0), clearly.sum(axis=0)
+        against, times = (one.each - other.each > least).sum(axis=1), clearly.sum(axis=1)
         enough = (times >= _FOOTPRINTS) & (against <= _WORSE * times) & (one.known >= _KNOWN * other.known)
         less = (one.rough < _LEAVES * other.rough) & (other.rough - one.rough > least * at.rows)
         return np.asarray(enough & less & (one.rough < other.varies))
@@ -91,7 +90,7 @@ def _compared(at: _Roughness, pairs: IntArray, signatures: int) -> tuple[BoolArr
 
 @dataclass(frozen=True, eq=False)
 class _Sums:
-    """How rough it is: in each footprint's mean row (footprints, n), and over all rows (n,), as `_Roughness` says."""
+    """How rough it is: in each footprint's mean row (n, footprints), and over all rows (n,), as `_Roughness` says."""
 
     each: FloatArray
     rough: FloatArray
@@ -107,13 +106,14 @@ class _Roughness:
 
     def __init__(self, values: FloatArray, there: BoolArray) -> None:
         self.rows, n = there.shape
+        _, footprint, self._rows_of_each = np.unique(there, axis=0, return_inverse=True, return_counts=True)
+        self._first = np.cumsum([0, *self._rows_of_each[:-1]])
+        by_footprint = np.argsort(footprint.ravel(), kind="stable")
+        values, there = values[:, by_footprint].swapaxes(1, 2), there[by_footprint].T
         # The last place stands for all beyond the sensor.
-        self._values = np.pad(values, ((0, 0), (0, 0), (0, 1)), constant_values=np.nan)
-        self._there = np.pad(there, ((0, 0), (0, 1)))
-        self._several = there.sum(axis=1, keepdims=True) > 1  # alone is a strip only where others are touched, too
-        _, footprint = np.unique(there, axis=0, return_inverse=True)
-        self._where = np.eye(footprint.max() + 1)[footprint.ravel()].T  # (footprints, rows)
-        self._where /= self._where.sum(axis=1, keepdims=True)
+        self._values = np.pad(values, ((0, 0), (0, 1), (0, 0)), constant_values=np.nan)
+        self._there = np.pad(there, ((0, 1), (0, 0)))
+        self._several = there.sum(axis=0) > 1  # alone is a strip only where others are touched, too
         self._own = self._sums(*self._triples(np.arange(n)[:, None] + (-1, 0, 1)))
 
     def around(self) -> FloatArray:
@@ -124,10 +124,10 @@ class _Roughness:
     def now(self, pairs: IntArray) -> _Sums:
         """Return that of two places and those beside them, for some pairs (pairs, 2)."""
         around, counted = self._around(pairs)
-        own, at = self._own, np.where(counted, around, 0)
-        return _Sums(
-            *((one[..., at] * counted).sum(axis=-1) for one in (own.each, own.rough, own.known, own.varies))
-        )
+        own, at = self._own, np.where(counted, around, len(self._own.rough)).T
+        each = np.pad(own.each, ((0, 1), (0, 0)))
+        others = (np.pad(one, (0, 1))[at].sum(axis=0) for one in (own.rough, own.known, own.varies))
+        return _Sums(np.sum([each[i] for i in at], axis=0), *others)
 
     def exchanged(self, pairs: IntArray) -> _Sums:
         """Return the same with the two in each other's places."""
@@ -138,32 +138,32 @@ class _Roughness:
             strips = np.where(
                 strips == pairs[:, :1], pairs[:, 1:], np.where(strips == pairs[:, 1:], pairs[:, :1], strips)
             )
-            three = tuple(one * count for one in self._triples(strips))
+            three = tuple(one * count[:, None] for one in self._triples(strips))
             total = tuple(a + b for a, b in zip(total, three, strict=True)) if total else three
         return self._sums(*total)
 
     def _around(self, pairs: IntArray) -> tuple[IntArray, BoolArray]:
         """Return the places that an exchange changes, the two and those beside them, and which to count (pairs, 6)."""
         around = np.concatenate([pairs[:, :1] + (-1, 0, 1), pairs[:, 1:] + (-1, 0, 1)], axis=1)
-        counted = (around >= 0) & (around < self._there.shape[1] - 1)
+        counted = (around >= 0) & (around < len(self._there) - 1)
         counted[:, 3:] &= around[:, 3:] > around[:, 2:3]  # once
         return around, counted
 
     def _sums(self, rough: FloatArray, known: IntArray, varies: FloatArray) -> _Sums:
-        """Add up over rows what is (rows, n)."""
-        return _Sums(self._where @ rough, rough.sum(axis=0), known.sum(axis=0), varies.sum(axis=0))
+        """Add up over rows what is (n, rows)."""
+        each = np.add.reduceat(rough, self._first, axis=1) / self._rows_of_each
+        return _Sums(each, rough.sum(axis=1), known.sum(axis=1), varies.sum(axis=1))
 
     def _triples(self, strips: IntArray) -> tuple[FloatArray, IntArray, FloatArray]:
-        """Return that of the middle one of three strips (n, 3), each (rows, n)."""
-        beyond = self._there.shape[1] - 1
+        """Return that of the middle one of three strips (n, 3), each (n, rows)."""
+        beyond = len(self._there) - 1
         left, strip, right = np.where((strips >= 0) & (strips < beyond), strips, beyond).T
-        there = self._there[:, strip]
-        beside = self._there[:, left], self._there[:, right]
+        there, beside = self._there[strip], (self._there[left], self._there[right])
         odd = (beside[0] & beside[1] & ~there) | (there & ~beside[0] & ~beside[1] & self._several)
-        off = self._values[:, :, left] - 2.0 * self._values[:, :, strip] + self._values[:, :, right]
+        off = self._values[:, left] - 2.0 * self._values[:, strip] + self._values[:, right]
         known = np.isfinite(off)
-        usual = np.where(known, off, 0.0).sum(axis=1, keepdims=True)
-        usual /= np.maximum(known.sum(axis=1, keepdims=True), 1)
+        usual = np.where(known, off, 0.0).sum(axis=2, keepdims=True)
+        usual /= np.maximum(known.sum(axis=2, keepdims=True), 1)
 
         def added(values: FloatArray) -> FloatArray:
             gaps = np.where(known, np.minimum(np.abs(values), _GAP), 0.0)
