@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -20,8 +21,8 @@ from tacstrip.diagnose.neighbour_prediction import WorkingCopy
 
 _GAP = 0.15  # over Vref: how rough a gap counts, and the most that anything does
 _COMPARED, _PART = 120, 256  # rows; pairs at a time
-# Places: of a band every two are compared, of those further apart only the roughest with all.
-_BAND, _ROUGHEST = 20, 12
+# Places: in a band every two are compared, of those further apart any two of the roughest.
+_BAND, _ROUGHEST = 8, 32
 # Footprints in which an order is better, by so much over Vref and signature, and what it leaves at the most; of all.
 _FOOTPRINTS, _BETTER, _LEAVES = 3, 0.02, 0.6
 _WORSE = 0.3  # footprints in which it is worse, over those in which it is better
@@ -52,24 +53,26 @@ class Orders:
 def compared_orders(rows: WorkingCopy) -> Orders:
     """Compare the order of the strips with those that exchange two places.
 
-    Those of a band around every place, and any two of which one is among the roughest; the work is proportional to the
-    number of strips. Pairs of which neither is touched tell nothing.
+    These are any two of a band, and of the roughest places any two: strips in each other's places are both rough. So
+    the work is proportional to the number of strips.
     """
     some = np.linspace(0, len(rows.there) - 1, min(len(rows.there), _COMPARED)).astype(int)
     there = rows.there[some]
     at = _Roughness(np.stack([v[some] for v in rows.k.values()]), there)
-    pairs, n = _pairs(at.around(), np.asarray(there.any(axis=0))), len(rows.k)
-    parts = [_compared(at, part, n) for part in np.split(pairs, range(_PART, len(pairs), _PART))]
-    better, worse, gain = (np.concatenate(one) for one in zip(*parts, strict=True))
-    return Orders(pairs, better.astype(bool), worse.astype(bool), gain)
+    pairs = _pairs(at.around(), np.asarray(there.any(axis=0)))
+    parts = [_compared(at, part, len(rows.k)) for part in np.split(pairs, range(_PART, len(pairs), _PART))]
+    return Orders(pairs, *map(np.concatenate, zip(*parts, strict=True)))
 
 
 def _pairs(rough: FloatArray, touched: BoolArray) -> IntArray:
-    """Return the places to compare (pairs, 2), from how rough it is around each and which are touched (places,)."""
-    one, other = np.triu_indices(len(rough), 1)
-    roughest = np.argsort(-rough, kind="stable")[:_ROUGHEST]
-    compared = (other - one <= _BAND) | np.isin(one, roughest) | np.isin(other, roughest)
-    return np.stack([one, other], axis=1)[compared & (touched[one] | touched[other])]
+    """Return the places to compare (pairs, 2), from how rough it is around each and which are touched (places,).
+
+    Two that are not touched tell nothing.
+    """
+    n, roughest = len(rough), np.sort(np.argsort(-rough, kind="stable")[:_ROUGHEST]).tolist()
+    pairs = {(i, j) for i in range(n) for j in range(i + 1, min(i + _BAND + 1, n))}
+    pairs.update(combinations(roughest, 2))
+    return np.array(sorted((i, j) for i, j in pairs if touched[i] or touched[j]), dtype=int).reshape(-1, 2)
 
 
 def _compared(at: _Roughness, pairs: IntArray, signatures: int) -> tuple[BoolArray, BoolArray, FloatArray]:
@@ -212,7 +215,7 @@ def joined(
 
 
 def order_unknown(rows: WorkingCopy, orders: Orders) -> set[int]:
-    """Return the file's strips that would go unnoticed in another one's place."""
+    """Return the file's strips that would go unnoticed in another one's place, as far as orders were compared."""
     touched, slopes = np.asarray(rows.there.any(axis=0)), told_by_slope(rows)
     unknown = [
         pair
