@@ -57,7 +57,8 @@ def test_every_two_orders_are_compared_alike_from_both_sides() -> None:
 
 def test_strips_that_the_spec_leaves_out_are_not_listed() -> None:
     log = sound_log(HARDLY)[0]
-    strip = min(unchecked_strips(diagnose(log)) & set(np.flatnonzero(log.touched.any(axis=0)).tolist()))
+    touched = sorted(unchecked_strips(diagnose(log)) & set(np.flatnonzero(log.touched.any(axis=0)).tolist()))
+    strip = touched[len(touched) // 2]
     (reason,) = (text for text in _without(log, strip) if text.startswith("strips exchanged, of strips"))
     assert strip not in numbers(reason)
 
@@ -68,11 +69,13 @@ def _without(log: Log, strip: int) -> tuple[str, ...]:
 
 
 def test_the_work_grows_with_the_strips() -> None:
-    """A bar over all of 200 strips: of 19900 pairs those near each other, and those of the roughest, also far ones."""
+    """A bar over most of 200 strips: of 19900 pairs those near each other, and those of the roughest, also far ones."""
     sensor = ts.Sensor(construction="crs-m", strips=200, pitch_mm=2.0, length_mm=200.0)
-    across, turns = np.arange(200.0)[None] / 200.0, np.linspace(-0.5, 0.5, 40)[:, None]
-    log = Log.of(sensor, 0.02 * np.arange(40.0), {"k": 0.5 + turns * (across - 0.4)})
-    for pair in ((40, 160), (90, 91)):
+    scan, strip = np.arange(40)[:, None], np.arange(200)[None]
+    k = np.where(strip < scan // 4, np.nan, 0.5 + (scan - 19.5) / 40.0 * (strip / 200.0 - 0.4))
+    log = Log.of(sensor, 0.02 * np.arange(40.0), {"k": k})
+    for pair in ((40, 160), (90, 98)):
         orders = compared_orders(places(working_copy(exchanged(log, *pair), 0.004)))
-        assert len(orders.pairs) < 200 * 12
-        assert tuple(orders.pairs[np.argmax(np.where(orders.better, orders.gain, -1.0))]) == pair
+        assert len(orders.pairs) < 12 * sensor.strips
+        best = np.argmax(np.where(orders.better, orders.gain, -1.0))
+        assert tuple(orders.pairs[best].tolist()) == pair

@@ -135,14 +135,14 @@ class _Roughness:
     def exchanged(self, pairs: IntArray) -> _Sums:
         """Return the same with the two in each other's places."""
         around, counted = self._around(pairs)
-        total: tuple[FloatArray, ...] = ()
+        total = np.zeros((3, len(pairs), self.rows))
         for place, count in zip(around.T, counted.T, strict=True):
             strips = place[:, None] + (-1, 0, 1)
             strips = np.where(
                 strips == pairs[:, :1], pairs[:, 1:], np.where(strips == pairs[:, 1:], pairs[:, :1], strips)
             )
-            three = tuple(one * count[:, None] for one in self._triples(strips))
-            total = tuple(a + b for a, b in zip(total, three, strict=True)) if total else three
+            for one, more in zip(total, self._triples(strips), strict=True):
+                one += more * count[:, None]
         return self._sums(*total)
 
     def _around(self, pairs: IntArray) -> tuple[IntArray, BoolArray]:
@@ -152,7 +152,7 @@ class _Roughness:
         counted[:, 3:] &= around[:, 3:] > around[:, 2:3]  # once
         return around, counted
 
-    def _sums(self, rough: FloatArray, known: IntArray, varies: FloatArray) -> _Sums:
+    def _sums(self, rough: FloatArray, known: FloatArray | IntArray, varies: FloatArray) -> _Sums:
         """Add up over rows what is (n, rows)."""
         each = np.add.reduceat(rough, self._first, axis=1) / self._rows_of_each
         return _Sums(each, rough.sum(axis=1), known.sum(axis=1), varies.sum(axis=1))
