@@ -170,11 +170,12 @@ def test_objects_that_were_not_known_yet_are_not_those_that_are_not_there(tmp_pa
     assert any(said in line for line in summary(recording, recording))
 
 
-def test_shapes_that_were_not_known_are_not_those_that_are_not_there(tmp_path: Path) -> None:
+@pytest.mark.parametrize("method", ["polygon", ""])
+def test_shapes_that_were_not_known_are_not_those_that_are_not_there(tmp_path: Path, method: str) -> None:
     spec, path = sensor(), tmp_path / "a.mcap"
     known = Shape("ok", np.array([(0.0, 0.0), (9.0, 0.0), (0.0, 9.0)]))
     shapes: list[tuple[Shape, ...] | None] = [(), None, (known,)]
-    with Recorder(path, spec, spec.signatures, ORIGIN) as recorder:
+    with Recorder(path, spec, spec.signatures, ORIGIN, {"method": method}) as recorder:
         record(
             [replace(raw, shapes=some) for raw, some in zip(source(spec, 3), shapes, strict=True)], recorder
         )
@@ -188,6 +189,23 @@ def test_shapes_that_were_not_known_are_not_those_that_are_not_there(tmp_path: P
     assert lines[:2] == [[], None]
     recording = Recording(path)
     assert any("shapes are not known of 1 scan(s): " in line for line in summary(recording, recording))
+
+
+def test_without_a_method_no_shapes_are_known(tmp_path: Path) -> None:
+    spec, path = sensor(), tmp_path / "a.mcap"
+    with Recorder(path, spec, spec.signatures, ORIGIN, {"method": ""}) as recorder:
+        record(source(spec, 2), recorder)
+    raws = list(Recording(path))
+    assert [raw.shapes for raw in raws] == [None, None]
+    write_npz(tmp_path / "a.npz", Recording(path))
+    with np.load(tmp_path / "a.npz") as arrays:
+        assert not arrays["polygon_known"].any()
+    assert json.loads(json_line(0, raws[0], decode(raws[0], spec)))["shapes"] is None
+    recording = Recording(path)
+    assert any("of 2 scan(s): nothing was reconstructed; `" in line for line in summary(recording, recording))
+    with path.open("rb") as file:
+        topics = {channel.topic for _, channel, _ in make_reader(file).iter_messages()}
+    assert topics == {"/tacstrip/scan"}  # nothing is added to each scan
 
 
 def test_objects_over_time_come_back_also_without_tacstrip(tmp_path: Path) -> None:

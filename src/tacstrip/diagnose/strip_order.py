@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -19,8 +20,9 @@ from tacstrip.diagnose.faults import Finding, Question
 from tacstrip.diagnose.neighbour_prediction import WorkingCopy
 
 _GAP = 0.15  # over Vref: how rough a gap counts, and the most that anything does
-_NEAR = 2  # places: strips nearer to each other are beside the same ones
-_COMPARED = 120  # rows
+_COMPARED, _PART = 120, 256  # rows; pairs at a time
+# Places: in a band every two are compared, of those further apart any two of the roughest.
+_BAND, _ROUGHEST = 8, 32
 # Footprints in which an order is better, by so much over Vref and signature, and what it leaves at the most; of all.
 _FOOTPRINTS, _BETTER, _LEAVES = 3, 0.02, 0.6
 _WORSE = 0.3  # footprints in which it is worse, over those in which it is better
@@ -30,7 +32,7 @@ _KNOWN = 0.7  # of the triples: an order that leaves fewer to compare is none
 
 @dataclass(frozen=True, eq=False)
 class Orders:
-    """What exchanging two places would change, for every two (pairs,).
+    """What exchanging two places would change, for every two that were compared (pairs,).
 
     Attributes
     ----------
@@ -49,48 +51,54 @@ class Orders:
 
 
 def compared_orders(rows: WorkingCopy) -> Orders:
-    """Compare the order of the strips with every one that exchanges two places."""
+    """Compare the order of the strips with those that exchange two places.
+
+    These are any two of a band, and of the roughest places any two: strips in each other's places are both rough. So
+    the work is proportional to the number of strips.
+    """
     some = np.linspace(0, len(rows.there) - 1, min(len(rows.there), _COMPARED)).astype(int)
     there = rows.there[some]
-    values = np.stack([v[some] for v in rows.k.values()])  # (signatures, rows, places)
-    n, signatures = rows.strips, len(values)
-    at = _Roughness(values, there)
-    _, footprint = np.unique(there, axis=0, return_inverse=True)
-    where = np.eye(footprint.max() + 1)[footprint.ravel()]  # (rows, footprints)
-    where /= where.sum(axis=0)
-    moved = [at.with_strip(place) for place in range(n)]  # each (3, rows, places)
-    own = np.stack([at.triples(place - 1, place, place + 1) for place in range(n)])  # (places, 3, rows)
-    touched = there.any(axis=0)
-    pairs = [(i, j) for i in range(n) for j in range(i + 1, n) if touched[i] or touched[j]]
-    now, then = np.empty((2, len(pairs), 3, len(there)))
-    for pair, (i, j) in enumerate(pairs):
-        around = sorted({p for q in (i, j) for p in (q - 1, q, q + 1) if 0 <= p < n})
-        now[pair] = own[around].sum(axis=0)
-        if j - i > _NEAR:
-            then[pair] = moved[i][:, :, j] + moved[j][:, :, i]
-        else:
-            order = np.arange(-1, n + 1)
-            order[[i + 1, j + 1]] = j, i
-            then[pair] = sum(at.triples(*order[p : p + 3].tolist()) for p in around)
-    each_now, each_then = now[:, 0] @ where, then[:, 0] @ where  # (pairs, footprints)
+    at = _Roughness(np.stack([v[some] for v in rows.k.values()]), there)
+    pairs = _pairs(at.around(), np.asarray(there.any(axis=0)))
+    parts = [_compared(at, part, len(rows.k)) for part in np.split(pairs, range(_PART, len(pairs), _PART))]
+    return Orders(pairs, *map(np.concatenate, zip(*parts, strict=True)))
+
+
+def _pairs(rough: FloatArray, touched: BoolArray) -> IntArray:
+    """Return the places to compare (pairs, 2), from how rough it is around each and which are touched (places,).
+
+    Two that are not touched tell nothing.
+    """
+    n, roughest = len(rough), np.sort(np.argsort(-rough, kind="stable")[:_ROUGHEST]).tolist()
+    pairs = {(i, j) for i in range(n) for j in range(i + 1, min(i + _BAND + 1, n))}
+    pairs.update(combinations(roughest, 2))
+    return np.array(sorted((i, j) for i, j in pairs if touched[i] or touched[j]), dtype=int).reshape(-1, 2)
+
+
+def _compared(at: _Roughness, pairs: IntArray, signatures: int) -> tuple[BoolArray, BoolArray, FloatArray]:
+    """Return `better`, `worse` and `gain` of `Orders` for some pairs (pairs, 2)."""
+    now, then = at.now(pairs), at.exchanged(pairs)
     least = _BETTER * signatures
-    known = now[:, 1].sum(axis=1), then[:, 1].sum(axis=1)
 
-    def smoother(one: FloatArray, other: FloatArray, kept: BoolArray) -> BoolArray:
-        """Whether `one` is clearly smoother than `other`, both by footprint (pairs, footprints)."""
-        clearly = (other - one > least) & (one < _LEAVES * other)
-        against = (one - other > least).sum(axis=1)
-        enough = (clearly.sum(axis=1) >= _FOOTPRINTS) & (against <= _WORSE * clearly.sum(axis=1))
-        return np.asarray(enough & kept)
+    def smoother(one: _Sums, other: _Sums) -> BoolArray:
+        """Whether the order of `one` is clearly smoother than that of `other` (pairs,)."""
+        clearly = (other.each - one.each > least) & (one.each < _LEAVES * other.each)
+        against, times = (one.each - other.each > least).sum(axis=1), clearly.sum(axis=1)
+        enough = (times >= _FOOTPRINTS) & (against <= _WORSE * times) & (one.known >= _KNOWN * other.known)
+        less = (one.rough < _LEAVES * other.rough) & (other.rough - one.rough > least * at.rows)
+        return np.asarray(enough & less & (one.rough < other.varies))
 
-    gain = (now[:, 0] - then[:, 0]).mean(axis=1)
-    total_now, total_then = now[:, 0].sum(axis=1), then[:, 0].sum(axis=1)
-    offsets_now, offsets_then = now[:, 2].sum(axis=1), then[:, 2].sum(axis=1)
-    better = smoother(each_then, each_now, known[1] >= _KNOWN * known[0])
-    better &= (total_then < _LEAVES * total_now) & (gain > least) & (total_then < offsets_now)
-    worse = smoother(each_now, each_then, known[0] >= _KNOWN * known[1])
-    worse &= (total_now < _LEAVES * total_then) & (-gain > least) & (total_now < offsets_then)
-    return Orders(np.array(pairs).reshape(-1, 2), better, worse, gain)
+    return smoother(then, now), smoother(now, then), (now.rough - then.rough) / at.rows
+
+
+@dataclass(frozen=True, eq=False)
+class _Sums:
+    """How rough it is: in each footprint's mean row (n, footprints), and over all rows (n,), as `_Roughness` says."""
+
+    each: FloatArray
+    rough: FloatArray
+    known: FloatArray
+    varies: FloatArray
 
 
 class _Roughness:
@@ -100,52 +108,71 @@ class _Roughness:
     """
 
     def __init__(self, values: FloatArray, there: BoolArray) -> None:
-        self._values, self._there = values, there
-        self._several = there.sum(axis=1) > 1  # alone is a strip only where others are touched, too
+        self.rows, n = there.shape
+        _, footprint, self._rows_of_each = np.unique(there, axis=0, return_inverse=True, return_counts=True)
+        self._first = np.cumsum([0, *self._rows_of_each[:-1]])
+        by_footprint = np.argsort(footprint.ravel(), kind="stable")
+        values, there = values[:, by_footprint].swapaxes(1, 2), there[by_footprint].T
+        # The last place stands for all beyond the sensor.
+        self._values = np.pad(values, ((0, 0), (0, 1), (0, 0)), constant_values=np.nan)
+        self._there = np.pad(there, ((0, 1), (0, 0)))
+        self._several = there.sum(axis=0) > 1  # alone is a strip only where others are touched, too
+        self._own = self._sums(*self._triples(np.arange(n)[:, None] + (-1, 0, 1)))
 
-    def triples(self, left: int, strip: int, right: int) -> FloatArray:
-        """Return that of a strip between two (3, rows)."""
-        n = self._values.shape[2]
-        nowhere = np.full(self._values.shape[:2], np.nan)
-        values = [self._values[:, :, i] if 0 <= i < n else nowhere for i in (left, strip, right)]
-        there = [
-            self._there[:, i] if 0 <= i < n else np.zeros(len(self._there), bool)
-            for i in (left, strip, right)
-        ]
-        return self._of(values, there)
+    def around(self) -> FloatArray:
+        """Return how rough each place and those beside it are, over all rows (places,)."""
+        padded = np.pad(self._own.rough, 1)
+        return np.asarray(padded[:-2] + padded[1:-1] + padded[2:])
 
-    def with_strip(self, place: int) -> FloatArray:
-        """Return that of a place and those beside it, with each strip there in turn (3, rows, strips)."""
-        n = self._values.shape[2]
-        nowhere, off = np.full((*self._values.shape[:2], 1), np.nan), np.zeros((len(self._there), 1), bool)
+    def now(self, pairs: IntArray) -> _Sums:
+        """Return that of two places and those beside them, for some pairs (pairs, 2)."""
+        around, counted = self._around(pairs)
+        own, at = self._own, np.where(counted, around, len(self._own.rough)).T
+        each = np.pad(own.each, ((0, 1), (0, 0)))
+        others = (np.pad(one, (0, 1))[at].sum(axis=0) for one in (own.rough, own.known, own.varies))
+        return _Sums(np.sum([each[i] for i in at], axis=0), *others)
 
-        def strip(at: int) -> tuple[FloatArray, BoolArray]:
-            within = 0 <= at < n
-            return (
-                (self._values[:, :, at : at + 1], self._there[:, at : at + 1]) if within else (nowhere, off)
+    def exchanged(self, pairs: IntArray) -> _Sums:
+        """Return the same with the two in each other's places."""
+        around, counted = self._around(pairs)
+        total = np.zeros((3, len(pairs), self.rows))
+        for place, count in zip(around.T, counted.T, strict=True):
+            strips = place[:, None] + (-1, 0, 1)
+            strips = np.where(
+                strips == pairs[:, :1], pairs[:, 1:], np.where(strips == pairs[:, 1:], pairs[:, :1], strips)
             )
+            for one, more in zip(total, self._triples(strips), strict=True):
+                one += more * count[:, None]
+        return self._sums(*total)
 
-        every, total = (self._values, self._there), np.zeros((3, len(self._there), n))
-        for one in range(place - 1, place + 2):
-            if 0 <= one < n:
-                three = [every if at == place else strip(at) for at in (one - 1, one, one + 1)]
-                total += self._of([v for v, _ in three], [t for _, t in three])
-        return total
+    def _around(self, pairs: IntArray) -> tuple[IntArray, BoolArray]:
+        """Return the places that an exchange changes, the two and those beside them, and which to count (pairs, 6)."""
+        around = np.concatenate([pairs[:, :1] + (-1, 0, 1), pairs[:, 1:] + (-1, 0, 1)], axis=1)
+        counted = (around >= 0) & (around < len(self._there) - 1)
+        counted[:, 3:] &= around[:, 3:] > around[:, 2:3]  # once
+        return around, counted
 
-    def _of(self, values: list[FloatArray], there: list[BoolArray]) -> FloatArray:
-        several = self._several if there[1].ndim == 1 else self._several[:, None]
-        gap = there[0] & there[2] & ~there[1]
-        odd = gap | (there[1] & ~there[0] & ~there[2] & several)
-        off = values[0] - 2.0 * values[1] + values[2]  # (signatures, rows) or (signatures, rows, strips)
+    def _sums(self, rough: FloatArray, known: FloatArray | IntArray, varies: FloatArray) -> _Sums:
+        """Add up over rows what is (n, rows)."""
+        each = np.add.reduceat(rough, self._first, axis=1) / self._rows_of_each
+        return _Sums(each, rough.sum(axis=1), known.sum(axis=1), varies.sum(axis=1))
+
+    def _triples(self, strips: IntArray) -> tuple[FloatArray, IntArray, FloatArray]:
+        """Return that of the middle one of three strips (n, 3), each (n, rows)."""
+        beyond = len(self._there) - 1
+        left, strip, right = np.where((strips >= 0) & (strips < beyond), strips, beyond).T
+        there, beside = self._there[strip], (self._there[left], self._there[right])
+        odd = (beside[0] & beside[1] & ~there) | (there & ~beside[0] & ~beside[1] & self._several)
+        off = self._values[:, left] - 2.0 * self._values[:, strip] + self._values[:, right]
         known = np.isfinite(off)
-        usual = np.nan_to_num(off).sum(axis=1, keepdims=True) / np.maximum(
-            known.sum(axis=1, keepdims=True), 1
-        )
-        rough, varies = (np.where(odd, _GAP, np.minimum(np.abs(v), _GAP)) for v in (off, off - usual))
-        known |= odd
-        return np.stack(
-            [np.nan_to_num(rough).sum(axis=0), known.sum(axis=0), np.nan_to_num(varies).sum(axis=0)]
-        )
+        usual = np.where(known, off, 0.0).sum(axis=2, keepdims=True)
+        usual /= np.maximum(known.sum(axis=2, keepdims=True), 1)
+
+        def added(values: FloatArray) -> FloatArray:
+            gaps = np.where(known, np.minimum(np.abs(values), _GAP), 0.0)
+            return np.asarray(np.where(odd, _GAP, gaps).sum(axis=0))
+
+        return added(off), (known | odd).sum(axis=0), added(off - usual)
 
 
 def order_question(rows: WorkingCopy, orders: Orders) -> Question | None:
@@ -188,7 +215,7 @@ def joined(
 
 
 def order_unknown(rows: WorkingCopy, orders: Orders) -> set[int]:
-    """Return the file's strips that would go unnoticed in another one's place."""
+    """Return the file's strips that would go unnoticed in another one's place, as far as orders were compared."""
     touched, slopes = np.asarray(rows.there.any(axis=0)), told_by_slope(rows)
     unknown = [
         pair

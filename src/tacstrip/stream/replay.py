@@ -134,6 +134,7 @@ class Recording:
     def __iter__(self) -> Iterator[RawScan]:
         """Yield each scan with the polygons and objects over time that follow it."""
         last: RawScan | None = None
+        usual = () if self.about.get("method") else None  # without a method nothing was reconstructed
         for record in self._rest:
             self._note(record)
             if not isinstance(record, Message) or (channel := self._channels.get(record.channel_id)) is None:
@@ -146,8 +147,8 @@ class Recording:
                 arrival_s = (record.publish_time - self.origin_ns) / NANO
                 with self._located():
                     last = read_scan(record.data, schema, self.sensor, self.names, time_s)
-                if record.publish_time != record.log_time:
-                    last = replace(last, arrival_s=arrival_s)
+                arrived = record.publish_time != record.log_time
+                last = replace(last, shapes=usual, arrival_s=arrival_s if arrived else None)
             elif channel.topic in _STATUS and schema == POLYGON and last is not None:
                 with self._located():
                     shape = read_polygon(record.data, _STATUS[channel.topic])
@@ -155,7 +156,7 @@ class Recording:
             elif channel.topic == RECONSTRUCTED_TOPIC and schema == RECONSTRUCTED and last is not None:
                 with self._located():
                     known = read_reconstructed(record.data)
-                last = last if known else replace(last, shapes=last.shapes or None)
+                last = replace(last, shapes=last.shapes or (() if known else None))
             elif channel.topic == TRACK_TOPIC and schema == TRACK and last is not None:
                 with self._located():
                     track = read_track(record.data)

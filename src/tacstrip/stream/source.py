@@ -113,8 +113,8 @@ class RawScan:
     strip_time_s
         Time of each strip's reading (strips,) [s], counted from `time_s`; None where it is not known.
     shapes
-        Polygons that are stored with the scan, as a recording may have them. None: they were not known when the scan
-        was recorded, for the computer was behind or the readings could not be used.
+        Polygons that are stored with the scan, as a recording may have them. None: they are not known, for nothing was
+        reconstructed, the computer was behind or the readings could not be used.
     arrival_s
         When it arrived by the computer's clock [s], counted from the source's `origin_ns`; None where it came from no
         device. `time_s` has the intervals of the device's clock, which may gain or lose seconds an hour.
@@ -139,7 +139,7 @@ class RawScan:
     touched: BoolArray
     sequence: int = 0
     strip_time_s: FloatArray | None = None
-    shapes: tuple[Shape, ...] | None = ()
+    shapes: tuple[Shape, ...] | None = None
     arrival_s: float | None = None
     tracks: tuple[TrackedShape, ...] | None = ()
     searching: int = 0

@@ -107,6 +107,7 @@ class Recorder:
         self.saved_scans = 0
         self._sensor = sensor
         self._origin_ns = origin_ns
+        self._reconstructs = bool((about or {}).get("method"))
         self._file = McapFile(path, force, durable)
         self.path = self._file.path
         own = {"format": FORMAT, "names": ",".join(names), "origin_ns": str(origin_ns)}
@@ -169,8 +170,9 @@ class Recorder:
         for shape in shapes:
             channel = self._polygon_channels.get(shape.status, self._polygon_channels["doubtful"])
             parts.append((channel, messages.polygon_message(shape.vertices, now_ns)))
-        if raw.shapes is None:
-            parts.append((self._reconstructed_channel, messages.reconstructed_message(False)))
+        known = raw.shapes is not None
+        if not shapes and known != self._reconstructs:
+            parts.append((self._reconstructed_channel, messages.reconstructed_message(known)))
         for track in tracks:
             parts.append((self._track_channel, messages.track_message(track, now_ns)))
             if len(track.outline) and np.isfinite(track.pose).all():

@@ -41,8 +41,10 @@ def summary(source: Recording, scans: Iterable[RawScan]) -> list[str]:
     by_status = ", ".join(f"{number} {status}" for status, number in shapes.most_common())
     lines.append(f"shapes: {by_status or 'none'}")
     if unread:
+        why = "the computer was behind, or they could not be used"
+        why = why if source.about.get("method") else "nothing was reconstructed"
         lines.append(
-            f"shapes are not known of {unread} scan(s): the computer was behind, or they could not be used; "
+            f"shapes are not known of {unread} scan(s): {why}; "
             f"`tacstrip record {file} -o NEW.mcap --reconstruct METHOD` adds them"
         )
     if tracks:
