@@ -61,6 +61,27 @@ def test_an_object_that_may_go_on_under_strips_left_out_is_doubted(seed: int) ->
     assert (beyond.status, beyond.advice) == (SURE, WHY)
 
 
+@pytest.mark.parametrize("seed", [31, 32, 33])
+def test_deviations_count_what_may_lie_under_one_strip_left_out_beside_an_object(seed: int) -> None:
+    """The fit took it to end before that strip: its area was 5 stated deviations too small, and ok."""
+    fine = replace(SENSOR, strips=20, pitch_mm=5.0)
+    contact, few = ts.Contact.polygon([(22, 35), (50, 18), (72, 42), (72, 62), (40, 70)]), NOISE
+    area = float(ts.fit_object(ts.simulate(fine, contact), fine, contact.vertices).objects[0].area)
+    scan = ts.simulate(fine, contact, few, rng=seed)
+    (whole,) = ts.fit_polygon(scan, fine, few).objects
+    last = int(np.flatnonzero(scan.touched)[-1]) + 1  # as the file counts
+    (found,) = ts.fit_polygon(scan, replace(fine, without=(str(last),)), few).objects
+    assert whole.deviations is not None
+    assert found.deviations is not None
+    assert (found.status, found.guaranteed) == (SURE, None)
+    assert abs(found.area - area) > 4.0 * whole.deviations[0]
+    assert abs(found.area - area) < 2.0 * found.deviations[0]
+    assert f"strip {last}, left out, may be touched: there the outline is open" in found.advice
+    assert whole.guaranteed is not None
+    (apart,) = ts.fit_polygon(scan, replace(fine, without=(str(last + 2),)), few).objects
+    assert (apart.deviations[0], apart.advice) == (whole.deviations[0], whole.advice)
+
+
 def test_names_are_strip_and_channel_as_the_file_counts() -> None:
     sensor = replace(SENSOR, without=("7:v_h", "1"))
     out = left_out(sensor)

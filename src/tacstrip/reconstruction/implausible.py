@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -21,6 +21,7 @@ from tacstrip.sensor.spec import Sensor
 
 _OF_RUNS = ("polygon", "profile", "vertex")  # methods that take an object to end where its strips do
 _MUCH_MORE = 0.2  # of its area: an IoU of .8 is what "ok" promises
+_TOLD = 2.0  # deviations of the area: it is said that an end is open where more may hide there
 _LEAST_VOLT = 1.5  # Vref below which readings over Vref are hardly smaller than volts
 _BITS = (8, 10, 12, 14)  # of converters that are common
 _ASPECT = 0.55  # standard deviation of the logarithm of objects' extent along the strips over that across
@@ -48,6 +49,8 @@ def doubt_implausible(result: Reconstruction, scan: Scan, sensor: Sensor) -> Rec
     def judged(found: RecoveredObject) -> RecoveredObject:
         beside = goes_on(found.vertices, found.strips, sensor) if result.method in _OF_RUNS else ""
         why = "; ".join(filter(None, (beside, hint)))
+        if result.method in _OF_RUNS:
+            found = _with_open_ends(found, sensor, bool(beside))
         if not why:
             return found
         status, advice = doubted(found.status, found.advice, why)
@@ -186,13 +189,35 @@ def _apart(boxes: Sequence[tuple[float, ...]]) -> int:
     return len(found)
 
 
-def goes_on(vertices: FloatArray, strips: slice, sensor: Sensor) -> str:
-    """Say that an object may go on under strips that are left out, if by much: a convex one widens no faster."""
+@dataclass(frozen=True, eq=False)
+class _OpenEnd:
+    """An end of an object beside strips that are left out: their names, and where it was read last.
+
+    Attributes
+    ----------
+    names
+        Of the strips that are left out, from the object on.
+    line_mm
+        Centre line of the outermost strip that was read [mm].
+    step
+        -1 towards smaller x, 1 towards greater x.
+    more_mm2
+        How much larger a convex object is at most that goes on under them [mm^2].
+    """
+
+    names: tuple[str, ...]
+    line_mm: float
+    step: int
+    more_mm2: float
+
+
+def _open_ends(vertices: FloatArray, strips: slice, sensor: Sensor) -> list[_OpenEnd]:
+    """Return the ends beside strips left out, which may be touched; a convex object widens no faster there."""
     unread = left_out_wholly(sensor)
     if not unread.any() or len(vertices) < 3:
-        return ""
+        return []
     x, closed = sensor.x_mm, sensor.closed
-    polygon, more, names = shapely.Polygon(vertices).buffer(0.0), 0.0, []
+    polygon, found = shapely.Polygon(vertices).buffer(0.0), []
     for last, step in ((strips.start, -1), (strips.stop - 1, 1)):
         beside: list[int] = []
         at = last + step
@@ -208,14 +233,57 @@ def goes_on(vertices: FloatArray, strips: slice, sensor: Sensor) -> str:
         width, inner = (_chord(polygon, origin - step * d * sensor.pitch_mm, sensor) for d in (0.01, 1.0))
         slope = width - inner if strips.stop - strips.start > 1 else 0.0
         ahead = np.maximum(width + slope * np.arange(1, len(beside) + 1), 0.0)
-        more += float(ahead.sum()) * sensor.pitch_mm
-        names += [str(s + sensor.strip_base) for s in beside]
-    if more <= _MUCH_MORE * polygon.area:
+        names = tuple(str(s + sensor.strip_base) for s in beside)
+        found.append(_OpenEnd(names, origin, step, float(ahead.sum()) * sensor.pitch_mm))
+    return found
+
+
+def goes_on(vertices: FloatArray, strips: slice, sensor: Sensor) -> str:
+    """Say that an object may go on under strips that are left out, if by much: a convex one widens no faster."""
+    ends = _open_ends(vertices, strips, sensor)
+    more = sum(end.more_mm2 for end in ends)
+    if not ends or more <= _MUCH_MORE * shapely.Polygon(vertices).buffer(0.0).area:
         return ""
     return (
-        f"strip {', '.join(names)} beside it is left out, so nobody knows whether it goes on there, by {more:.0f} mm2 "
+        f"strip {_named(ends)} beside it is left out, so nobody knows whether it goes on there, by {more:.0f} mm2 "
         "at most if it is convex: mend the strip, or put the object elsewhere"
     )
+
+
+def _with_open_ends(found: RecoveredObject, sensor: Sensor, said: bool) -> RecoveredObject:
+    """Return an object whose covariance tells that its ends under strips left out are not known, and an advice.
+
+    The fit takes it to end before the next strip, and if that is left out it may end anywhere up to the next one that
+    is read: its area grows by anything from 0 to `_OpenEnd.more_mm2`, whose root mean square is added, as a shift in x
+    of what lies beyond the outermost strip that was read. No vertex is then guaranteed. `said`: whether the advice says
+    so anyway.
+    """
+    ends = _open_ends(found.vertices, found.strips, sensor)
+    if found.covariance is None or not any(end.more_mm2 > 0.0 for end in ends):
+        return found
+    known = found.deviations
+    vertices, covariance, uniform = found.vertices, found.covariance.copy(), set(found.uniform)
+    grown = 0.5 * (np.roll(vertices[:, 1], -1) - np.roll(vertices[:, 1], 1))  # of the area with each x [mm]
+    for end in ends:
+        beyond = end.step * vertices[:, 0]
+        moved = beyond >= min(end.step * end.line_mm, float(beyond.max()))
+        shift = np.zeros_like(vertices)
+        shift[moved, 0] = end.more_mm2 / math.sqrt(3.0) / max(abs(float(grown[moved].sum())), 1e-9)
+        covariance += np.outer(shift, shift)
+        uniform -= set(np.flatnonzero(shift).tolist())
+    opened = replace(found, covariance=covariance, guarantee=None, uniform=tuple(sorted(uniform)))
+    more = sum(end.more_mm2 for end in ends)
+    if said or known is None or more <= _TOLD * known[0]:
+        return opened
+    told = (
+        f"strip {_named(ends)}, left out, may be touched: there the outline is open, and its area larger by "
+        f"{more:.0f} mm2 at most if it is convex, which the deviations count"
+    )
+    return replace(opened, advice="; ".join(filter(None, (found.advice, told))))
+
+
+def _named(ends: Sequence[_OpenEnd]) -> str:
+    return ", ".join(name for end in ends for name in end.names)
 
 
 def _chord(polygon: shapely.Geometry, x_mm: float, sensor: Sensor) -> float:
