@@ -24,8 +24,8 @@ from tacstrip.io.log_import.doubts import backwards, raise_doubts
 from tacstrip.io.log_import.ends import above, ends_exchanged, noise
 from tacstrip.io.log_import.fields import STAMP, is_garbled, number_of, says_nothing
 from tacstrip.io.log_import.mapping import STRIP_ORDERS, ColumnMapping
-from tacstrip.io.log_import.middles import doubt_middles, with_ends_of_middles
-from tacstrip.io.log_import.named_strips import with_named_strips_as_rows
+from tacstrip.io.log_import.middles import doubt_middles
+from tacstrip.io.log_import.named_strips import in_ends_of_strips
 from tacstrip.io.log_import.names import CLOCKS, IN_VOLTS, is_strip_word, meaning, meanings
 from tacstrip.io.log_import.neighbours import order_of_neighbours
 from tacstrip.io.log_import.others import drop_others
@@ -310,15 +310,12 @@ def _assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
             f"missing {' and '.join(map(repr, lacking))}, the last? Else write in what is, or take its name out",
             "skip",
         )  # fmt: skip
-    if clues.expected != ("out",) and not {*clues.answers} & {*clues.table.names}:
-        clues.table, doubt = with_ends_of_middles(clues.table)
-        clues.doubt(doubt)
-        if (
-            clues.sensor
-            and (long := with_named_strips_as_rows(clues.table, clues.sensor.strips)) != clues.table
-        ):
-            clues.because(long.remarks[-1])
-            clues.table = long
+    if clues.expected != ("out",):
+        strips = clues.sensor.strips if clues.sensor else 0
+        clues.table, told, doubts = in_ends_of_strips(clues.table, strips, clues.answers)
+        clues.reasons += [told] if told else []
+        for doubt in doubts:
+            clues.doubt(doubt)
     try:
         found = find_columns(clues)
     except Unanswered:
@@ -496,6 +493,11 @@ def _which_h(clues: Clues, found: Columns) -> str:
 
 def _with_ends(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[LogScan]) -> ColumnMapping:
     """Return the mapping with the ends that the readings confirm: k_h is never below k_l."""
+    if clues.answers.get("exchanged") == "yes" and (mapping.channels != ("h", "l") or mapping.which):
+        why = (
+            f"{mapping.which!r} tells the ends; say which_h=" if mapping.which else "the log has one channel"
+        )
+        raise OptionError(f"--answer exchanged=yes: {why}, so no columns are exchanged; leave it out")
     if mapping.channels != ("h", "l"):
         return mapping
     both = np.stack([s.values for s in rough])
@@ -530,7 +532,9 @@ def _with_ends(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list
             "v_h is below v_l on nearly every strip, which no sensor reads: are the columns exchanged?",
             "yes", "no",
         )  # fmt: skip
-    return replace(mapping, columns=swapped) if answer == "yes" and not mapping.which else mapping
+    if clues.table.by_content:
+        doubt_middles(clues, list(columns)[:2], high, low)
+    return replace(mapping, columns=swapped) if answer == "yes" else mapping
 
 
 def _strips(clues: Clues, found: Columns) -> tuple[int, int]:
