@@ -337,6 +337,7 @@ def _assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
     settle_broken(clues, loose, rough)
     mapping, rough = with_turn(clues, mapping, rough)
     ask_for_notes(clues, rough)
+    _refuse_no_exchange(clues, mapping)
     mapping = _with_ends(clues, mapping, found, rough)
     raise_doubts(clues, mapping)
     mapping = units.with_unit(clues, mapping, found, rough)
@@ -491,13 +492,15 @@ def _which_h(clues: Clues, found: Columns) -> str:
     return fields[0]  # the readings will say whether it is (`_with_ends`)
 
 
+def _refuse_no_exchange(clues: Clues, mapping: ColumnMapping) -> None:
+    """Refuse the answer that columns are exchanged where there are none of both ends."""
+    if clues.answers.get("exchanged") == "yes" and (mapping.channels != ("h", "l") or mapping.which):
+        why = f"{mapping.which!r} tells the ends; say which_h" if mapping.which else "the log has one channel"
+        raise OptionError(f"--answer exchanged=yes: {why}; there are no columns to exchange: leave it out")
+
+
 def _with_ends(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[LogScan]) -> ColumnMapping:
     """Return the mapping with the ends that the readings confirm: k_h is never below k_l."""
-    if clues.answers.get("exchanged") == "yes" and (mapping.channels != ("h", "l") or mapping.which):
-        why = (
-            f"{mapping.which!r} tells the ends; say which_h=" if mapping.which else "the log has one channel"
-        )
-        raise OptionError(f"--answer exchanged=yes: {why}, so no columns are exchanged; leave it out")
     if mapping.channels != ("h", "l"):
         return mapping
     both = np.stack([s.values for s in rough])
@@ -514,6 +517,8 @@ def _with_ends(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list
         return replace(mapping, which_h=chosen or first)
     columns = mapping.columns
     swapped = {n: what[:-1] + {"h": "l", "l": "h"}[what[-1]] for n, what in columns.items()}
+    if clues.table.by_content or clues.counted:  # no name tells the ends
+        doubt_middles(clues, columns, high, low)
     if found.paired:
         idle = noise(both.reshape(len(both), -1))  # where nothing touches, either may be the larger
         high, low = (np.where(end <= idle, 0.0, end) for end in (high, low))
@@ -523,7 +528,7 @@ def _with_ends(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list
         chosen_columns = swapped if above(low, high) else columns
         name = next(n for n, what in chosen_columns.items() if what.endswith("h"))
         clues.because(f"{name}: v_h, for it is the larger on every strip, as k_h must be")
-        doubt_middles(clues, list(columns)[:2], *((low, high) if above(low, high) else (high, low)))
+        doubt_middles(clues, chosen_columns, *((low, high) if above(low, high) else (high, low)))
         return replace(mapping, columns=chosen_columns)
     answer = clues.choice("exchanged", ("yes", "no"))
     if not mapping.which and not answer and above(low, high):
@@ -532,9 +537,7 @@ def _with_ends(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list
             "v_h is below v_l on nearly every strip, which no sensor reads: are the columns exchanged?",
             "yes", "no",
         )  # fmt: skip
-    if clues.table.by_content:
-        doubt_middles(clues, list(columns)[:2], high, low)
-    return replace(mapping, columns=swapped) if answer == "yes" else mapping
+    return replace(mapping, columns=swapped) if answer == "yes" and not mapping.which else mapping
 
 
 def _strips(clues: Clues, found: Columns) -> tuple[int, int]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -99,8 +99,8 @@ def _pairs(names: Sequence[str]) -> dict[str, dict[str, str]]:
     return pairs if all(used[n] == 1 for n, some in words.items() if some) else {}
 
 
-def doubt_middles(clues: Clues, names: list[str], high: FloatArray, low: FloatArray) -> None:
-    """Note where two channels (scans, strips), which no name tells apart, look like a middle and a difference.
+def doubt_middles(clues: Clues, columns: Mapping[str, str], high: FloatArray, low: FloatArray) -> None:
+    """Note where two channels (scans, strips) that no name tells apart look like a middle and a difference.
 
     Between its ends a contact that is nowhere hollow is never narrower than the line from one end to the other, and so
     v_h - v_l is seldom. Where it nearly always is, and one channel alone nearly never, that one is the difference.
@@ -113,7 +113,8 @@ def doubt_middles(clues: Clues, names: list[str], high: FloatArray, low: FloatAr
         or (bend[1][there] < 0.0).mean() < _MOSTLY
     ):
         return
+    named = [next((repr(n) for n, w in columns.items() if w.endswith(end)), f"channel {end}") for end in "hl"]
     clues.doubt(
-        f"{names[0]!r} and {names[1]!r} are taken for v_h and v_l, and contacts would be narrower within than at their "
+        f"{' and '.join(named)} are taken for v_h and v_l, and contacts would be narrower within than at their "
         "ends: are they a middle of both and a difference? Then name them so, as mean_0 and diff_0"
     )
