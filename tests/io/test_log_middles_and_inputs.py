@@ -11,6 +11,7 @@ from click.testing import CliRunner
 
 import tacstrip as ts
 from tacstrip.cli import cli
+from tacstrip.io.log_import.by_content import of_content
 from tacstrip.io.log_import.guess import Proposal, propose
 from tacstrip.io.log_import.questions import Unanswered
 from tacstrip.io.log_import.table import ContradictionError
@@ -95,6 +96,14 @@ def test_a_word_of_a_middle_without_its_difference_leaves_all_as_they_are() -> N
         proposed(log)
     found = proposed(log, readings="index mean..thumb diff")
     assert any("are they a middle of both and a difference?" in doubt for doubt in found.doubts)
+
+
+@pytest.mark.parametrize(
+    ("names", "read"),
+    [("{f} mean,{f} diff", False), ("{f} center,{f} width", False), ("mean {f} top,mean {f} bottom", True)],
+)
+def test_names_of_what_is_made_of_readings_are_heeded_by_content(names: str, read: bool) -> None:
+    assert (of_content(of_fingers(names, HIGH, LOW), STRIPS, 2) is not None) == read
 
 
 @pytest.mark.parametrize(("first", "doubted"), [(HIGH, False), ((HIGH + LOW) / 2.0, True)])
