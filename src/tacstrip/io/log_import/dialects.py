@@ -143,8 +143,10 @@ def _named_arrays(text: str, path: str) -> Table | None:
     if not arrays:
         return None
     for m in _RANGE.finditer(text):
-        base, limit, by = map(float, m["numbers"].split())
-        arrays[m["name"]] = base + by * np.arange(round((limit - base) / by) + 1)
+        base, limit, by = (number_of(f) or 0.0 for f in m["numbers"].split())
+        many = round((limit - base) / by) + 1 if by else 0
+        if 0 < many <= text.count("\n"):  # of as many scans as there are lines
+            arrays[m["name"]] = base + by * np.arange(many, dtype=np.float64)
     step = _STEP.search(text)
     said = {
         m["name"]: v if (v := number_of(m["said"])) is not None else m["said"] for m in _BESIDE.finditer(text)
