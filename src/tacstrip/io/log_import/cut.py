@@ -16,7 +16,7 @@ _COMMENTS = re.compile(r"(?m)^[ \t]*(?:#|%|//|!).*")
 _ARRAY = re.compile(
     r"(?:\"(?P<quoted>[^\"\n]{1,40})\"|'(?P<single>[^'\n]{1,40})'|(?<![\w.])(?P<plain>[A-Za-z_]\w{0,39}))\s*[:=]\s*"
     r"(?:(?:np|numpy)\.)?(?:array)?\s*\(?\s*"
-    r"(?P<array>\[(?:[\[\]\s,;.\d+-]|[eE](?=[-+\d]|\Z)|(?i:nan|null|none|inf|na)(?!\w)|[A-Za-z]{1,4}\Z)*)"
+    r"(?P<array>\[(?:[\[\]\s,;.\d+-]++|[eE](?=[-+\d]|\Z)|(?i:nan|null|none|inf|na)(?!\w)|[A-Za-z]{1,4}\Z)*)"
 )
 _FEW_LINES = 4  # of fewer, the length of the last number tells nothing
 _RARE = 0.05  # of the lines: more that are shorter are no accident
