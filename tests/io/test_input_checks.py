@@ -15,6 +15,7 @@ from tacstrip.io.input_checks import (
     unfinished,
     unlikely_contact,
     unlikely_lengths,
+    unlikely_times,
 )
 from tacstrip.io.readings import read_unchecked
 from tacstrip.sensor.exchanged import exchanged, read_twice
@@ -103,6 +104,29 @@ def test_half_read() -> None:
     assert half_read("r.csv", SENSOR, ("kh", "kl")) == ""
     assert half_read("r.csv", SENSOR, ("electrodes",)) == ""
     assert half_read("r.csv", SENSOR, ("kh",)) == "using v_h only: r.csv has no v_l (or code_l)"
+
+
+@pytest.mark.parametrize(
+    ("step", "told"),
+    [
+        (5.0, "ms"),
+        (10.0, "ms"),
+        (20.0, "ms"),
+        (33.0, "ms"),
+        (100.0, "ms"),
+        (20000.0, "us"),
+        (60.0, ""),
+        (3600.0, ""),
+    ],
+)
+def test_whole_seconds_that_may_be_another_unit(step: float, told: str) -> None:
+    """Nor do scans that are left out, or one without a time, change that."""
+    time_s = step * np.array([0, 1, 2, 4, np.nan, 6, 7, 8])
+    said = unlikely_times("r.csv", time_s)
+    assert f"time_unit={told}" in said if told else said == ""
+    assert unlikely_times("r.csv", np.where(np.arange(8) == 5, 6 * step + 0.5, time_s)) == ""
+    uneven = 60.0 * np.arange(8) + (np.arange(8) == 3)  # as of a clock, not of somebody who sets minutes
+    assert "time_unit=ms" in unlikely_times("r.csv", uneven)
 
 
 def test_readings_over_vref(tmp_path: Path) -> None:

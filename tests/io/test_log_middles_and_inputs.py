@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 import tacstrip as ts
+from tacstrip.cli import cli
+from tacstrip.io.log_import.by_content import of_content
 from tacstrip.io.log_import.guess import Proposal, propose
 from tacstrip.io.log_import.questions import Unanswered
 from tacstrip.io.log_import.table import ContradictionError
@@ -65,6 +69,107 @@ def test_a_middle_beside_something_else_is_asked_about() -> None:
         proposed(wide("mean_{s},sigma_{s}", (HIGH + LOW) / 2.0, HIGH - LOW))
 
 
+FINGERS = ("index", "little", "middle", "palm", "ring", "thumb")
+
+
+def of_fingers(head: str, first: np.ndarray, second: np.ndarray) -> str:
+    """Return a log with names such as "index mean,index diff" above its columns."""
+    return "\n".join(
+        ["t_s," + ",".join(head.format(f=f) for f in FINGERS), wide("{s}", first, second).partition("\n")[2]]
+    )
+
+
+def test_the_middle_finger_has_a_middle_and_a_difference_too() -> None:
+    log = of_fingers("{f} mean,{f} diff", (HIGH + LOW) / 2.0, HIGH - LOW)
+    with pytest.raises(Unanswered) as asked:
+        proposed(log)
+    assert [q.key for q in asked.value.questions] == ["strip_order"]
+    np.testing.assert_allclose(values(proposed(log, strip_order=",".join(FINGERS))), BOTH, atol=1e-6)
+
+
+def test_a_word_of_a_middle_without_its_difference_leaves_all_as_they_are() -> None:
+    """By content, middles and differences would be both ends: what their names say goes first."""
+    log = of_fingers("{f} mean,{f} diff", (HIGH + LOW) / 2.0, HIGH - LOW).replace(
+        "middle diff", "middle d", 1
+    )
+    with pytest.raises(Unanswered, match="which 12 are the readings"):
+        proposed(log)
+    found = proposed(log, readings="index mean..thumb diff")
+    assert any("are they a middle of both and a difference?" in doubt for doubt in found.doubts)
+
+
+@pytest.mark.parametrize(
+    ("names", "read"),
+    [("{f} mean,{f} diff", False), ("{f} center,{f} width", False), ("mean {f} top,mean {f} bottom", True)],
+)
+def test_names_of_what_is_made_of_readings_are_heeded_by_content(names: str, read: bool) -> None:
+    assert (of_content(of_fingers(names, HIGH, LOW), STRIPS, 2) is not None) == read
+
+
+@pytest.mark.parametrize(("first", "doubted"), [(HIGH, False), ((HIGH + LOW) / 2.0, True)])
+def test_what_is_read_by_content_is_doubted_where_contacts_would_be_hollow(
+    first: np.ndarray, doubted: bool
+) -> None:
+    second = HIGH - LOW if doubted else LOW
+    log = "\n".join(
+        f"<{n * 0.05:.2f} s> "
+        + " ".join(f"{text(first[n, s], 'x')}~{text(second[n, s], 'x')}" for s in range(STRIPS))
+        for n in range(SCANS)
+    )
+    found = proposed(log)
+    assert any("no other assignment" in doubt for doubt in found.doubts)
+    assert any("'h_0' and 'l_0' are taken for v_h and v_l" in doubt for doubt in found.doubts) == doubted
+
+
+@pytest.mark.parametrize("lacks", [0, 1])
+def test_half_a_pair_gives_no_end(lacks: int) -> None:
+    ends = [(HIGH + LOW) / 2.0, HIGH - LOW]
+    n, s = np.argwhere(~OPEN)[20]
+    ends[lacks][n, s] = np.nan
+    found = proposed(wide("mean_{s},diff_{s}", ends[0], ends[1]))
+    expected = BOTH.copy()
+    expected[n, s] = np.nan
+    np.testing.assert_allclose(values(found), expected, atol=1e-6)
+    assert any(f"line {n + 2} ('{('mean', 'diff')[lacks]}_{s}')" in doubt for doubt in found.doubts)
+
+
+def test_an_answer_about_another_column_leaves_middles_what_they_are() -> None:
+    log = wide("mean_{s},diff_{s}", (HIGH + LOW) / 2.0, HIGH - LOW).split("\n")
+    log = [f"{log[0]},valid", *(f"{row},{n % 7 > 0:d}" for n, row in enumerate(log[1:-1]))]
+    with pytest.raises(Unanswered) as asked:
+        proposed("\n".join(log))
+    assert [q.key for q in asked.value.questions] == ["valid"]
+    np.testing.assert_allclose(values(proposed("\n".join(log), valid="skip")), BOTH, atol=1e-6)
+    with pytest.raises(Unanswered, match="diff_0"):  # what is told of a middle holds
+        proposed("\n".join(log), valid="skip", mean_0="h")
+
+
+def test_a_mapping_of_middles_by_name_is_read_again(tmp_path: Path) -> None:
+    TWO.save(tmp_path / "s.toml")
+    log, out = tmp_path / "fingers.csv", tmp_path / "r.csv"
+    log.write_text(of_fingers("{f} mean,{f} diff", (HIGH + LOW) / 2.0, HIGH - LOW))
+    words = ["import", str(log), str(tmp_path / "s.toml"), "-o"]
+    done = CliRunner().invoke(cli, [*words, str(out), "--answer", f"strip_order={','.join(FINGERS)}"])
+    assert done.exit_code == 0, done.output
+    again = CliRunner().invoke(
+        cli, [*words, str(tmp_path / "again.csv"), "--mapping", str(tmp_path / "r.mapping.toml")]
+    )
+    assert again.exit_code == 0, again.output
+    assert (tmp_path / "again.csv").read_text() == out.read_text()
+    for one in (done, again):
+        assert "taken for the middle of both ends and their difference" in one.stderr
+
+
+def test_columns_of_one_channel_are_not_exchanged() -> None:
+    log = "\n".join(
+        ["t_s," + ",".join(f"v_out{s}" for s in range(STRIPS))]
+        + [",".join([f"{n * 0.05:.2f}", *(text(HIGH[n, s]) for s in range(STRIPS))]) for n in range(SCANS)]
+    )
+    proposed(log, ONE)
+    with pytest.raises(ts.OptionError, match="exchanged=yes: the log has one channel"):
+        proposed(log, ONE, exchanged="yes")
+
+
 def test_names_that_say_nothing_are_doubted_where_contacts_would_be_hollow() -> None:
     plain = proposed(wide("a{s},b{s}", HIGH, LOW))
     np.testing.assert_allclose(values(plain), BOTH, atol=1e-6)
@@ -75,15 +180,14 @@ def test_names_that_say_nothing_are_doubted_where_contacts_would_be_hollow() -> 
 
 
 def test_strips_by_name_in_columns_are_asked_for_their_order() -> None:
-    fingers = ["index", "little", "middle", "palm", "ring", "thumb"]
     order = [2, 0, 4, 1, 5, 3]  # of these along the skin
-    head = ",".join(f"{fingers[s]} high,{fingers[s]} low" for s in np.argsort(order))
+    head = ",".join(f"{FINGERS[s]} high,{FINGERS[s]} low" for s in np.argsort(order))
     below = wide("{s}", HIGH[:, np.argsort(order)], LOW[:, np.argsort(order)]).partition("\n")[2]
     log = f"t_s,{head}\n{below}"
     with pytest.raises(Unanswered) as asked:
         proposed(log)
     assert [q.key for q in asked.value.questions] == ["strip_order"]
-    told = ",".join(fingers)  # in their true order
+    told = ",".join(FINGERS)  # in their true order
     np.testing.assert_allclose(values(proposed(log, strip_order=told)), BOTH, atol=1e-6)
 
 
@@ -162,6 +266,26 @@ def test_a_log_that_ends_within_its_second_array_says_so(log: str) -> None:
     of_text(log)
     with pytest.raises(ContradictionError, match=r"the log ends within '(low|Vl)', .*: is the file cut\?"):
         of_text(log[: int(0.85 * len(log))])
+
+
+@pytest.mark.parametrize(
+    "above",
+    [
+        "# note: (left pad",
+        "# zone: (A",
+        "label: [OK",
+        "# strips: [0, 8) left to right",
+        "# h = [2, 3",
+        "at: [3",
+    ],
+)
+def test_a_bracket_without_its_end_is_no_cut_array(above: str) -> None:
+    rows = [
+        json.dumps({"t": 0.05 * n, "h": [*np.nan_to_num(HIGH[n])], "l": [*np.nan_to_num(LOW[n])]})
+        for n in range(SCANS)
+    ]
+    found = proposed("\n".join([above, *rows]), untouched="0")
+    np.testing.assert_allclose(values(found), BOTH)
 
 
 def test_arrays_in_fields_over_several_lines() -> None:

@@ -22,8 +22,7 @@ from tacstrip.io.log_import.doubts import backwards
 from tacstrip.io.log_import.ends import ends_exchanged, refuse_split_ends
 from tacstrip.io.log_import.guess import Proposal, left_out, propose, settled
 from tacstrip.io.log_import.mapping import ColumnMapping
-from tacstrip.io.log_import.middles import with_ends_of_middles
-from tacstrip.io.log_import.named_strips import with_named_strips_as_rows
+from tacstrip.io.log_import.named_strips import in_ends_of_strips
 from tacstrip.io.log_import.scans import scans
 from tacstrip.io.log_import.table import Table
 from tacstrip.io.log_import.write import at_rest, in_volts, rows, touched, write_log
@@ -114,11 +113,13 @@ def _mapped(table: Table, file: Path, sensor: Sensor | None) -> Proposal:
     mapping = ColumnMapping.load(file)
 
     def read(found: Table) -> Proposal:
+        told: tuple[str, ...] = ()
         if not {*mapping.columns} <= {*found.names}:
-            found, _ = with_ends_of_middles(with_named_strips_as_rows(found, mapping.strips))
+            found, _, told = in_ends_of_strips(found, mapping.strips)
         dropped: list[int] = []
         rough = scans(found, mapping, dropped)
         doubts = [
+            *told,
             *left_out(found, dropped),
             *backwards(found, mapping),
             *ends_exchanged(rough, mapping, None),

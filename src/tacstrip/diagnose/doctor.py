@@ -523,7 +523,9 @@ def _not_checked(log: Log, seen: _Examined, ill: set[int], asked: set[int]) -> I
     ]
     if single:
         yield f"{', '.join(single)}: left out by the spec (without)"
-    if never := [int(i) + base for i in np.flatnonzero(~log.touched.any(axis=0) & ~silent) if i not in asked]:
+    if never := [
+        int(i) + base for i in np.flatnonzero(~log.touched.any(axis=0) & ~silent) if i not in asked | ill
+    ]:
         yield f"{_names(never)}: never touched; move the contact over them"
     if not log.sensor.kind.closed_form:
         yield "open strips, shorts, order, ends: a CRS-CRP sheet's strips shift each other's readings"

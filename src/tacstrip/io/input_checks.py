@@ -40,6 +40,15 @@ _SOME = 20  # scans of a file of which outlines are looked at
 _NAMED = 5  # channels that a warning names
 _SLOW_S, _FEW_TIMES = 5.0, 4  # from scan to scan, and times: whole ones that rise so fast may be milliseconds
 _MS_S = 2000.0  # a step above it would be microseconds
+_OF_MINUTES = (
+    60.0,
+    120.0,
+    300.0,
+    600.0,
+    900.0,
+    1800.0,
+    3600.0,
+)  # steps [s] that somebody sets; of ms nobody does
 
 
 def unlikely_lengths(sensor: AnySensor) -> str:
@@ -120,18 +129,21 @@ def unlikely_times(path: str | Path, time_s: FloatArray) -> str:
     --------
     >>> unlikely_times("r.csv", np.arange(5) * 20.0)[:73]
     'r.csv: scans would come every 20 s, all at whole seconds: is the time in '
-    >>> unlikely_times("r.csv", np.arange(5) * 0.02), unlikely_times("r.csv", np.arange(5) * 7.2)
+    >>> unlikely_times("r.csv", np.arange(5) * 0.02), unlikely_times("r.csv", np.arange(5) * 60.0)
     ('', '')
     """
-    steps = np.diff(time_s[np.isfinite(time_s)])
+    time_s = time_s[np.isfinite(time_s)]
+    steps = np.diff(time_s)
     steps = steps[steps > 0.0]
     step = float(np.median(steps)) if len(steps) else 0.0
     if len(steps) < _FEW_TIMES - 1 or step < _SLOW_S or (time_s != np.round(time_s)).any():
         return ""
+    if step in _OF_MINUTES and not (steps % step).any():  # scans may be left out
+        return ""
     unit, short = ("milliseconds", "ms") if step <= _MS_S else ("microseconds", "us")
     return (
-        f"{path}: scans would come every {step:g} s, all at whole seconds: is the time in {unit}? time_s is in "
-        f"seconds; if not so here, divide it, or `tacstrip import ... --answer time_unit={short}`"
+        f"{path}: scans would come every {step:g} s, all at whole seconds: is the time in {unit}? If so, "
+        f"divide it, or `tacstrip import ... --answer time_unit={short}`; if scans come so seldom, leave it"
     )
 
 

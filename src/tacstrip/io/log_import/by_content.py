@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 import re
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -22,6 +23,7 @@ from tacstrip.io.log_import.names import (
     TIME_UNITS,
     UNITS,
     Meaning,
+    derived_words,
     is_called_k,
     meaning,
     unit_in,
@@ -188,6 +190,7 @@ def _best(
     rough, one, values = tried[0]
     if (
         any({meaning(w).channel, end} == {"h", "l"} for n, _, end in one.readings for w in columns[n].words)
+        or _of_derived(columns, one, names)
         or _others_like_readings(columns, one, names)
         or _are_numbers_of_columns(columns, one)
     ):
@@ -475,6 +478,17 @@ def _agrees(one: Assignment, names: list[str]) -> bool:
         (channel, found[n].channel) for n, _, channel in one.readings if found[n].channel in ("h", "l", "out")
     }
     return len(numbers) < 2 and all(channel in ("", end) for channel, end in ends)
+
+
+def _of_derived(columns: list[Column], one: Assignment, names: list[str]) -> bool:
+    """Return whether most columns of one end are called by a word of what is made of readings, and not of the other."""
+    words: dict[str, Counter[str]] = {}
+    many = Counter(end for *_, end in one.readings)
+    for n, _, end in one.readings:
+        said = derived_words(" ".join((*columns[n].words, *names[n : n + 1])))
+        words.setdefault(end, Counter()).update(said)
+    made = [{w for w, times in said.items() if 2 * times > many[end]} for end, said in words.items()]
+    return len(made) > 1 and made[0] != made[1]
 
 
 def _others_like_readings(columns: list[Column], one: Assignment, names: list[str]) -> bool:

@@ -11,12 +11,13 @@ from pathlib import Path
 from tacstrip.io.log_import.names import meanings
 from tacstrip.io.log_import.table import ContradictionError, Table
 
-# A name before an array; brackets; and what stands between quotes.
-_BRACKETS = re.compile(
-    r"(?:\"(?P<quoted>[^\"\n]{1,40})\"|'(?P<single>[^'\n]{1,40})'|(?<![\w.])(?P<plain>[A-Za-z_]\w{0,39}))\s*[:=](?!=)"
-    r"|(?P<open>[\[{(])|(?P<close>[\])}])|\"[^\"\n]*\"|'[^'\n]*'"
+_COMMENTS = re.compile(r"(?m)^[ \t]*(?:#|%|//|!).*")
+# An array with a name before it, and numbers, or none, in it, as far as these go.
+_ARRAY = re.compile(
+    r"(?:\"(?P<quoted>[^\"\n]{1,40})\"|'(?P<single>[^'\n]{1,40})'|(?<![\w.])(?P<plain>[A-Za-z_]\w{0,39}))\s*[:=]\s*"
+    r"(?:(?:np|numpy)\.)?(?:array)?\s*\(?\s*"
+    r"(?P<array>\[(?:[\[\]\s,;.\d+-]++|[eE](?=[-+\d]|\Z)|(?i:nan|null|none|inf|na)(?!\w)|[A-Za-z]{1,4}\Z)*)"
 )
-_CALLED = re.compile(r"\s*(?:(?:np|numpy)\.)?(?:array)?\s*")
 _FEW_LINES = 4  # of fewer, the length of the last number tells nothing
 _RARE = 0.05  # of the lines: more that are shorter are no accident
 _SHOWN = 5
@@ -59,21 +60,17 @@ def refuse_cut_array(text: str, path: str | Path) -> None:
     Traceback (most recent call last):
     tacstrip.io.log_import.table.ContradictionError: x.txt: the log ends within 'low', which begins on line 2: ...
     """
-    open_: list[tuple[str, int]] = []
-    whole: set[str] = set()
-    name, end = "", 0
-    for m in _BRACKETS.finditer(text):
-        if named := m["quoted"] or m["single"] or m["plain"]:
-            name, end = named, m.end()
-        elif m["open"]:
-            open_.append((name if _CALLED.fullmatch(text, end, m.start()) else "", m.start()))
-            name = ""
-        elif m["close"] and open_:
-            whole |= {re.sub(r"\d+", "0", open_.pop()[0])} - {""}  # as of scans that are counted
-    cut = [(named, at) for named, at in open_ if named]
-    if not cut or not whole or re.sub(r"\d+", "0", cut[-1][0]) in whole:
+    if text.count("[") <= text.count("]"):
         return
-    named, at = cut[-1]
+    text = _COMMENTS.sub("", text)
+    found = [*_ARRAY.finditer(text)]
+    names = [m["quoted"] or m["single"] or m["plain"] for m in found]
+    kinds = [re.sub(r"\d+", "0", name) for name in names]  # as of scans that are counted
+    is_open = [m["array"].count("[") > m["array"].count("]") for m in found]
+    whole = {kind for kind, so in zip(kinds, is_open, strict=True) if not so}
+    if not whole or not is_open[-1] or found[-1].end() < len(text) or kinds[-1] in whole:
+        return
+    named, at = names[-1], found[-1].start()
     raise ContradictionError(
         f"{path}: the log ends within {named!r}, which begins on line {text.count(chr(10), 0, at) + 1}: is the file "
         "cut? An array needs as many scans as the others; save it again, or shorten the others to as many"

@@ -27,11 +27,8 @@ from tacstrip.io.log_import.statements import in_blocks_said, told_channels, wir
 from tacstrip.io.log_import.table import ContradictionError
 
 FROM_VREF = "from_vref"
-EXCHANGED = (
-    "yes",
-    "no",
-    FROM_VREF,
-)  # answers: columns, nothing, or readings that are measured from Vref down
+# Answers: columns, nothing, or readings that are measured from Vref down.
+EXCHANGED = ("yes", "no", FROM_VREF)
 _ABOVE = 0.95  # of the strips: k_h is above k_l there, and so the names are clear
 _ENDS = 2  # of a strip
 _APART = 0.004  # over the largest reading: by which k_h and k_l differ, in the median

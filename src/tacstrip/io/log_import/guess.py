@@ -24,8 +24,8 @@ from tacstrip.io.log_import.doubts import backwards, raise_doubts
 from tacstrip.io.log_import.ends import EXCHANGED, FROM_VREF, above, ends_exchanged, noise
 from tacstrip.io.log_import.fields import STAMP, is_garbled, number_of, says_nothing
 from tacstrip.io.log_import.mapping import STRIP_ORDERS, ColumnMapping
-from tacstrip.io.log_import.middles import doubt_middles, with_ends_of_middles
-from tacstrip.io.log_import.named_strips import with_named_strips_as_rows
+from tacstrip.io.log_import.middles import doubt_middles
+from tacstrip.io.log_import.named_strips import in_ends_of_strips
 from tacstrip.io.log_import.names import CLOCKS, IN_VOLTS, is_strip_word, meaning, meanings
 from tacstrip.io.log_import.neighbours import order_of_neighbours
 from tacstrip.io.log_import.others import drop_others
@@ -310,15 +310,12 @@ def _assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
             f"missing {' and '.join(map(repr, lacking))}, the last? Else write in what is, or take its name out",
             "skip",
         )  # fmt: skip
-    if clues.expected != ("out",) and not {*clues.answers} & {*clues.table.names}:
-        clues.table, doubt = with_ends_of_middles(clues.table)
-        clues.doubt(doubt)
-        if (
-            clues.sensor
-            and (long := with_named_strips_as_rows(clues.table, clues.sensor.strips)) != clues.table
-        ):
-            clues.because(long.remarks[-1])
-            clues.table = long
+    if clues.expected != ("out",):
+        strips = clues.sensor.strips if clues.sensor else 0
+        clues.table, told, doubts = in_ends_of_strips(clues.table, strips, clues.answers)
+        clues.reasons += [told] if told else []
+        for doubt in doubts:
+            clues.doubt(doubt)
     try:
         found = find_columns(clues)
     except Unanswered:
@@ -340,6 +337,7 @@ def _assembled(clues: Clues) -> tuple[ColumnMapping, list[LogScan]]:
     settle_broken(clues, loose, rough)
     mapping, rough = with_turn(clues, mapping, rough)
     ask_for_notes(clues, rough)
+    _refuse_no_exchange(clues, mapping)
     mapping = _with_ends(clues, mapping, found, rough)
     raise_doubts(clues, mapping)
     mapping = units.with_unit(clues, mapping, found, rough)
@@ -494,6 +492,13 @@ def _which_h(clues: Clues, found: Columns) -> str:
     return fields[0]  # the readings will say whether it is (`_with_ends`)
 
 
+def _refuse_no_exchange(clues: Clues, mapping: ColumnMapping) -> None:
+    """Refuse the answer that columns are exchanged where there are none of both ends."""
+    if clues.answers.get("exchanged") == "yes" and (mapping.channels != ("h", "l") or mapping.which):
+        why = f"{mapping.which!r} tells the ends; say which_h" if mapping.which else "the log has one channel"
+        raise OptionError(f"--answer exchanged=yes: {why}; there are no columns to exchange: leave it out")
+
+
 def _with_ends(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list[LogScan]) -> ColumnMapping:
     """Return the mapping with the ends that the readings confirm: k_h is never below k_l."""
     answer = clues.choice("exchanged", EXCHANGED)
@@ -514,6 +519,8 @@ def _with_ends(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list
         return replace(mapping, which_h=chosen or first)
     columns = mapping.columns
     swapped = {n: what[:-1] + {"h": "l", "l": "h"}[what[-1]] for n, what in columns.items()}
+    if clues.table.by_content or clues.counted:  # no name tells the ends
+        doubt_middles(clues, columns, high, low)
     if found.paired:
         idle = noise(both.reshape(len(both), -1))  # where nothing touches, either may be the larger
         high, low = (np.where(end <= idle, 0.0, end) for end in (high, low))
@@ -523,7 +530,7 @@ def _with_ends(clues: Clues, mapping: ColumnMapping, found: Columns, rough: list
         chosen_columns = swapped if above(low, high) else columns
         name = next(n for n, what in chosen_columns.items() if what.endswith("h"))
         clues.because(f"{name}: v_h, for it is the larger on every strip, as k_h must be")
-        doubt_middles(clues, list(columns)[:2], *((low, high) if above(low, high) else (high, low)))
+        doubt_middles(clues, chosen_columns, *((low, high) if above(low, high) else (high, low)))
         return replace(mapping, columns=chosen_columns)
     if not mapping.which and not answer and above(low, high):
         clues.ask(

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
 from dataclasses import replace
 
+from tacstrip.io.log_import.middles import with_ends_of_middles
 from tacstrip.io.log_import.names import meaning
 from tacstrip.io.log_import.table import Table
 
@@ -12,8 +14,34 @@ _WORD = re.compile(r"[^\W\d_]+")
 _FEW = 3  # strips: of fewer, words may be anything
 
 
-def with_named_strips_as_rows(table: Table, strips: int) -> Table:
+def in_ends_of_strips(
+    table: Table, strips: int, answered: Collection[str] = ()
+) -> tuple[Table, str, tuple[str, ...]]:
+    """Return a table with columns of both ends in place of middles and differences, and a row for each named strip.
+
+    Parameters
+    ----------
+    table
+        A log's.
+    strips
+        Of its sensor; 0 where it is not known.
+    answered
+        Columns of which it has been told what they are: they stay.
+
+    Returns
+    -------
+    tuple
+        The table; a reason, and doubts, if it is another.
+    """
+    table, doubts = with_ends_of_middles(table, answered)
+    long = with_named_strips_as_rows(table, strips, answered)
+    return long, "" if long is table else long.remarks[-1], doubts
+
+
+def with_named_strips_as_rows(table: Table, strips: int, answered: Collection[str] = ()) -> Table:
     """Return a table with a row for each strip, where columns of both ends are named by as many words as strips.
+
+    Where one of these columns is `answered`, the table is returned as it is.
 
     Examples
     --------
@@ -38,7 +66,12 @@ def with_named_strips_as_rows(table: Table, strips: int) -> Table:
     high, low = said.get("h", ""), said.get("l", "")
     used = {n for columns in of.values() for n in columns.values()}
     others = [n for n in table.names if n not in used]
-    if not (high and low) or len(used) != 2 * strips or {"strip", high, low} & {*others}:
+    if (
+        used & {*answered}
+        or not (high and low)
+        or len(used) != 2 * strips
+        or {"strip", high, low} & {*others}
+    ):
         return table
     places = table.places
     rows = [

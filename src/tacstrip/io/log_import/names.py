@@ -53,6 +53,7 @@ _FILLER = _words("beside_a_reading")
 _SPREAD = _words("spread")
 _MEAN, _EXTREMES = _words("mean"), _words("extremes")
 _STATISTICS = _MEAN | _EXTREMES
+_DERIVED = _words("derived")
 # Of other scripts, the words that logs have.
 _TRANSLATED = {word: f" {english} " for english, alike in translated().items() for word in alike}
 OTHER_SCRIPT = re.compile("|".join(sorted(_TRANSLATED, key=len, reverse=True)))
@@ -525,6 +526,17 @@ def is_called_k(name: str) -> bool:
     (True, False)
     """
     return bool(_CALLED_K.fullmatch(name))
+
+
+def derived_words(name: str) -> frozenset[str]:
+    """Return the words of a name by which it holds something made of readings, or measured beside them.
+
+    Examples
+    --------
+    >>> derived_words("index diff [V]"), derived_words("index high [V]")
+    (frozenset({'diff'}), frozenset())
+    """
+    return _DERIVED & {*re.findall(r"[a-z]+", name.lower())}
 
 
 def pair_of(channels: set[str]) -> tuple[str, str] | None:

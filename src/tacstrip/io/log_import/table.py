@@ -129,6 +129,11 @@ class Table:
         """Where each column stands in a row."""
         return {name: place for place, name in enumerate(self.names)}
 
+    @property
+    def by_content(self) -> bool:
+        """Whether its names are none of the log's, for only what it holds tells what its columns are."""
+        return any(doubt.endswith(BY_CONTENT) for doubt in self.doubts)
+
     def of_rows(self, kept: Iterable[int]) -> Table:
         """Return it with only these of its rows, counted from 0, in this order."""
         chosen = [*kept]

@@ -21,6 +21,7 @@ from tacstrip.io.log_import.fields import clock_seconds, says_nothing
 from tacstrip.io.log_import.names import (
     SIDES,
     Meaning,
+    derived_words,
     is_strip_word,
     meaning,
     numbered_groups,
@@ -28,13 +29,10 @@ from tacstrip.io.log_import.names import (
 from tacstrip.io.log_import.questions import Clues
 from tacstrip.io.log_import.roles import are_channels
 from tacstrip.io.log_import.table import CLOCK, PART, ROW
-from tacstrip.io.log_import.words import names_of
 
 _OF_SIDES = 3  # strips: a left one, a right one, and one between
 _FEW_STATES = 4  # distinct numbers of a flag
 _MOST_ASKED = 6  # columns, of each of which is asked what it is
-# What a column may be that holds something made of readings, or what is measured beside them.
-_DERIVED = frozenset(names_of("derived"))
 
 
 def readings_by_contents(
@@ -86,8 +84,8 @@ def readings_by_contents(
 
 def _ask_for_derived(clues: Clues, names: list[str]) -> None:
     """Ask for the first column whose name says that it holds something made of readings."""
-    made = _DERIVED - ({"sum"} if conversion.summed(clues.table.preamble) else set())
-    odd = [n for n in names if made & set(re.findall(r"[a-z]+", n.lower()))]
+    summed = {"sum"} if conversion.summed(clues.table.preamble) else set()
+    odd = [n for n in names if derived_words(n) - summed]
     if odd:
         clues.ask(
             odd[0], f"{odd[0]!r} is called neither a reading nor an end of a strip: which is it? (A middle, a width or "

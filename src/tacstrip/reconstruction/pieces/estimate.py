@@ -28,7 +28,7 @@ from tacstrip.reconstruction.pieces.run import FEW_STRIPS, GAP, LEAST_SIGMA, Run
 from tacstrip.reconstruction.polygon.faulty_channel import MOST_STRIPS
 from tacstrip.reconstruction.polygon.status import two_objects
 from tacstrip.reconstruction.polygon.unknown_noise import ONE, log_probability
-from tacstrip.reconstruction.posterior.assessment import PROMISED_IOU
+from tacstrip.reconstruction.posterior.assessment import ENOUGH, PROMISED_IOU
 from tacstrip.reconstruction.result import Alternative, Reconstruction, RecoveredObject, Status
 from tacstrip.reconstruction.seam import BRIDGED
 from tacstrip.scan import Scan
@@ -302,9 +302,8 @@ def _verdict(
     if run.cover.others:
         doubts.append("what is shown can be paired to as many pieces in another way")
     if run.pair is not None:
-        doubt, note = two_objects(
-            run.pair, run.pair.overlap(traced.vertices) >= PROMISED_IOU, 1.0 - run.pair.probability
-        )
+        right = run.pair.overlap(traced.vertices) >= PROMISED_IOU
+        doubt, note = two_objects(run.pair, right, 1.0, ENOUGH)
         doubts += [doubt] if doubt else []
         notes += [note] if note else []
     if crossed:

@@ -292,18 +292,20 @@ def _verdict(scan: Scan, asked: Asked, choice: _Choice, fit: PolygonFit) -> _Ver
     confidence, alternatives = assessed.confidence if explained else None, assessed.alternatives
     note = ""
     if choice.pair is not None:
-        confidence, alternatives, sure = beside_pair(choice.pair, confidence, alternatives)
+        before = 1.0 if confidence is None else confidence
+        confidence, alternatives = beside_pair(choice.pair, confidence, alternatives)
         if not wrong:
             right = choice.pair.overlap(outline.vertices) >= PROMISED_IOU
-            wrong, note = two_objects(choice.pair, right, sure, enough)
+            wrong, note = two_objects(choice.pair, right, before, enough)
     if choice.overhang is not None:
         told, probability = behind_overhang(choice.overhang), choice.overhang.probability
         hidden, also, confidence = lowered(told, probability, confidence, enough)
         note = "; ".join(filter(None, (note, also or (hidden if wrong else ""))))
         wrong = wrong or hidden
     if choice.two and not wrong:
-        wrong = _FEW_TELL.format(run.problem.x.size, choice.two)
-        confidence = None if confidence is None else (1.0 - choice.two) * confidence
+        told = _FEW_TELL.format(run.problem.x.size, choice.two)
+        wrong, also, confidence = lowered(told, choice.two, confidence, enough)
+        note = "; ".join(filter(None, (note, also)))
     faulty = np.zeros_like(run.excluded) if convex is None else convex.run.excluded
     if convex is None and not wrong:  # else it may be the outline
         faulty = contradictory(run, sensor, contact.readings)

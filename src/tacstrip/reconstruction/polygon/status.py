@@ -99,34 +99,34 @@ def other_area(outline: Outline, covariance: FloatArray, area_mm2: tuple[float, 
 
 def beside_pair(
     pair: Pair, confidence: float | None, alternatives: tuple[Alternative, ...]
-) -> tuple[float | None, tuple[Alternative, ...], float]:
-    """Return the confidence and the alternatives beside two objects, and how sure it is one object that overlaps."""
+) -> tuple[float | None, tuple[Alternative, ...]]:
+    """Return the confidence and the alternatives beside two objects."""
     one = 1.0 - pair.probability
-    sure = one if confidence is None else one * confidence
     rest = (replace(a, weight=a.weight * one) for a in alternatives)
     ordered = tuple(sorted((pair.alternative, *rest), key=lambda a: -a.weight))
-    return None if confidence is None else sure, ordered, sure
+    return None if confidence is None else one * confidence, ordered
 
 
-def two_objects(pair: Pair, right: bool, confidence: float, enough: float) -> tuple[str, str]:
+def two_objects(pair: Pair, right: bool, before: float, enough: float) -> tuple[str, str]:
     """Return advice that doubts an outline which two objects explain too, or, where it stays, a note of that.
 
-    `right` is whether the outline overlaps both together as `ok` promises: then only their number is open. `enough` is
-    the least confidence of an "ok".
+    `right` is whether the outline overlaps both together as `ok` promises: then only their number is open. `before` is
+    the confidence without them, `enough` the least one of an "ok": what is not sure enough anyway is not for them.
     """
     slide = "slide or turn the contact and track it, or add a second layer, to tell"
     meet = ""
     if pair.meeting_mm is not None:
         between = "x = {:.4g} and {:.4g} mm".format(*pair.meeting_mm)
         meet = f", which would meet between {between}, where the ends of each are not seen"
-    sure = f"with a probability of {pair.probability:.2f} (see the alternatives){meet}: {slide}"
+    chance = f"with a probability of {pair.probability:.2f} (see the alternatives){meet}: {slide}"
     where = "on the same strips" if pair.shared else "beside each other"
     told = (
-        f"{pair.advice}; it is two {sure}"
+        f"{pair.advice}; it is two {chance}"
         if pair.advice
-        else f"two objects {where} explain the readings too, {sure}; {IF_ONE}"
+        else f"two objects {where} explain the readings too, {chance}; {IF_ONE}"
     )
-    if confidence < enough or (pair.probability >= _OTHER and not right and not pair.one_convex):
+    parted = before >= enough > before * (1.0 - pair.probability)
+    if parted or (pair.probability >= _OTHER and not right and not pair.one_convex):
         return told, ""
     if pair.probability < NOTED:
         return "", ""
