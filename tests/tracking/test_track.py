@@ -272,7 +272,7 @@ def test_a_rival_doubts_an_outline_by_its_odds_and_by_what_it_does_not_cover(
     )  # many alike do not make the other less likely
     run = slice(0, scans.sensor.strips)
     one = Object([*every], [], [run] * len(every), scans, found)
-    read = Readings(scans.k, Skin(scans.sensor, run), scans.names, scans.sigma, "uniform")
+    read = Readings(scans.k, Skin(scans.sensor, run, np.zeros(scans.sensor.strips, dtype=bool)), scans.names, scans.sigma, "uniform")
     rows = [ts.Scan(**dict(zip(scans.names, k, strict=True))) for k in scans.k]
     track = summarised(one, rows, read, NOISE)
     assert track.status == status, track.advice
