@@ -129,7 +129,9 @@ def _tracked(
     distribution = "normal" if noise is None or not noise.independent else noise.distribution
     silent = _silent(read, sensor, noise)
     stretches = episodes(k, sensor.closed, silent)
-    readings = Readings(k, Skin(sensor, spanned(stretches, sensor.strips), silent), names, sigma, distribution)
+    readings = Readings(
+        k, Skin(sensor, spanned(stretches, sensor.strips), silent), names, sigma, distribution
+    )
     left, unlike, objects = sorted(stretches, key=lambda e: -len(e.scans)), list[Episode](), list[Object]()
     tried: dict[int, Object | None] = {}
     while left:
@@ -176,7 +178,7 @@ def _silent(scans: list[Scan], sensor: Sensor, noise: Noise | None) -> BoolArray
     """
     n = sensor.strips
     out = left_out(sensor)
-    silent = np.all([out.get(name, np.zeros(n, dtype=bool)) for name in scans[0].signatures], axis=0)
+    silent: BoolArray = np.all([out.get(s, np.zeros(n, dtype=bool)) for s in scans[0].signatures], axis=0)
     touched = np.stack([scan.touched for scan in scans])
     ever = touched.any(axis=0)
     at = np.flatnonzero(ever)

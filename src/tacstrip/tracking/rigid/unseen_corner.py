@@ -57,7 +57,7 @@ def unseen_corner_mm(scans: RigidScans, fit: Fit, deviation: float = 0.0, wider:
 def _short_of_untouched(scans: RigidScans, fit: Fit, shares: FloatArray) -> FloatArray:
     """Return how far out of places of edges the first strip is that some scan does not touch (N, P) [mm]."""
     after = np.roll(fit.corners, -1, axis=0) - fit.corners
-    touched, x_mm = np.isfinite(scans.k).any(axis=1), scans.x_mm
+    touched, x_mm = np.asarray(np.isfinite(scans.k).any(axis=1)), scans.x_mm
     first, last = touched.argmax(axis=1), touched.shape[1] - 1 - touched[:, ::-1].argmax(axis=1)
     right = (x_mm[last] + scans.gaps_mm[1, last])[:, None, None]
     left = (x_mm[first] - scans.gaps_mm[0, first])[:, None, None]
