@@ -961,14 +961,14 @@ def test_both_signatures_are_asked_for_only_where_there_is_one(construction: str
     assert ("both signatures" in _loose(1.0, one)) == (len(scans.names) == 1)
 
 
-def test_a_rounded_outline_on_two_strips_is_one_of_many() -> None:
+def test_a_disc_on_two_strips_is_one_of_many_outlines() -> None:
     """Polygons and curves alike: such scans tell hardly more than where it lies."""
     sensor = ten_strips()
     angle = np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False)
     disc = 9.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     noise = ts.Noise(positional=0.001)
     (one,) = ts.track(pressed(sensor, disc, sliding(24), noise), sensor, noise)
-    assert (one.status, one.kind) == ("doubtful", "rounded"), one.advice
+    assert (one.status, one.kind) == ("doubtful", "disc")
     assert "no more than two strips" in one.advice
 
 
