@@ -46,6 +46,25 @@ def test_equations_are_those_of_numpy(construction: str, lam: float, how: tuple[
         )
 
 
+def test_an_end_lies_anywhere_short_of_the_next_strip_that_is_read() -> None:
+    """Strips beside the contact are left out: nobody knows whether the outline reaches over them."""
+    scans, corners, poses = rigid_scene("crs-crs", 0.0)
+    assert scans.reached == slice(2, 8)
+    unknown = replace(scans, sensor=replace(scans.sensor, without=("0", "1", "8")))
+    assert unknown.gaps_mm[0, 1:3].tolist() == [np.inf, np.inf]
+    assert unknown.gaps_mm[:, 7].tolist() == [10.0, 20.0]
+    how, wide = loss(scans), 1.5 * corners
+    found, plain = equations(unknown, wide, poses, how), plain_equations(unknown, wide, poses, how)
+    np.testing.assert_allclose(found.costs, plain.costs, rtol=1e-9)
+    cheaper = (
+        equations(scans, wide, poses, how).costs - found.costs
+    )  # by what the ends cost, for the readings are alike
+    touched = np.asarray(np.isfinite(scans.k).any(axis=1))
+    beside = touched[:, 2] | touched[:, 7]
+    assert (cheaper[beside] > 1.0).any()
+    np.testing.assert_allclose(cheaper[~beside], 0.0, atol=1e-6)
+
+
 @pytest.mark.parametrize(("construction", "lam"), SCENES)
 def test_readings_and_their_slopes_are_those_of_numpy(construction: str, lam: float) -> None:
     scans, corners, poses = rigid_scene(construction, lam)

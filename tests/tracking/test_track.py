@@ -52,7 +52,7 @@ from tacstrip.tracking.rigid.smooth_path import fit_corners, one_after_another, 
 from tacstrip.tracking.rigid.strain import strain_gain
 from tacstrip.tracking.rigid.unseen_corner import unread_tips_mm, unseen_corner_mm
 from tacstrip.tracking.scan_noise import correlation_of_strips, noise_between_scans
-from tacstrip.tracking.summary import _uncalibrated, less_than_half_turns, summarised
+from tacstrip.tracking.summary import _loose, _uncalibrated, less_than_half_turns, summarised
 
 NOISE = ts.Noise(positional=0.005)
 
@@ -272,7 +272,13 @@ def test_a_rival_doubts_an_outline_by_its_odds_and_by_what_it_does_not_cover(
     )  # many alike do not make the other less likely
     run = slice(0, scans.sensor.strips)
     one = Object([*every], [], [run] * len(every), scans, found)
-    read = Readings(scans.k, Skin(scans.sensor, run), scans.names, scans.sigma, "uniform")
+    read = Readings(
+        scans.k,
+        Skin(scans.sensor, run, np.zeros(scans.sensor.strips, dtype=bool)),
+        scans.names,
+        scans.sigma,
+        "uniform",
+    )
     rows = [ts.Scan(**dict(zip(scans.names, k, strict=True))) for k in scans.k]
     track = summarised(one, rows, read, NOISE)
     assert track.status == status, track.advice
@@ -928,6 +934,42 @@ def test_scans_of_strips_whose_other_channel_is_left_out_are_of_the_same_recordi
     for scan in (untouched, *scans):
         found = live.update(scan)
     assert found[0].scans > 8
+
+
+@pytest.mark.parametrize(("out", "read"), [("6", ("kh", "kl")), ("9", ("kh", "kl")), ("9:v_h", ("kh",))])
+def test_a_strip_that_is_left_out_wholly_is_unknown_and_not_untouched(
+    out: str, read: tuple[str, ...]
+) -> None:
+    """It lies in the object's middle, or at its rim, which slides over it; of one signature alone, too."""
+    sensor = ten_strips(strips=20)
+    poses = sliding(24, 50.0)
+    poses[:, 0] -= 3.0
+    scans = pressed(sensor, CORNERS, poses, NOISE)
+    scans = [ts.Scan(**{name: s[name] for name in read}, time_s=s.time_s) for s in scans]
+    (whole,) = ts.track(scans, sensor, NOISE)
+    (one,) = ts.track(scans, replace(sensor, without=(out,)), NOISE)
+    assert (one.status, len(one.outline)) == (whole.status, len(CORNERS)), one.advice
+    assert abs(one.area_mm2 - moments(CORNERS)[0]) < 3.0 * one.area_deviation_mm2
+
+
+@pytest.mark.parametrize("construction", ["crs-crs", "crs-m"])
+def test_both_signatures_are_asked_for_only_where_there_is_one(construction: str) -> None:
+    scans, corners, poses = rigid_scene(construction, 0.0, 8)
+    fit = fitted(scans, corners, poses)
+    every = list(range(len(scans.k)))
+    one = Object(every, [], [slice(0, 10)] * len(every), scans, Found(fit, np.arange(len(every))))
+    assert ("both signatures" in _loose(1.0, one)) == (len(scans.names) == 1)
+
+
+def test_a_disc_on_two_strips_is_one_of_many_outlines() -> None:
+    """Polygons and curves alike: such scans tell hardly more than where it lies."""
+    sensor = ten_strips()
+    angle = np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False)
+    disc = 9.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    noise = ts.Noise(positional=0.001)
+    (one,) = ts.track(pressed(sensor, disc, sliding(24), noise), sensor, noise)
+    assert (one.status, one.kind) == ("doubtful", "disc")
+    assert "no more than two strips" in one.advice
 
 
 def test_a_clock_that_stands_still_is_said() -> None:

@@ -79,7 +79,7 @@ class Scans(ctypes.Structure):
 
     arrays: tuple[npt.NDArray[np.float64], ...]
     _fields_ = _fields(
-        scans=_INT, strips=_INT, signatures=_INT, x=_POINTER, k=_POINTER, sigma=_DOUBLE,
+        scans=_INT, strips=_INT, signatures=_INT, x=_POINTER, k=_POINTER, gap=_POINTER, sigma=_DOUBLE,
         pitch=_DOUBLE, length=_DOUBLE, share=_DOUBLE * 2, narrow=_DOUBLE, lam=_DOUBLE,
     )  # fmt: skip
 

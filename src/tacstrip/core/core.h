@@ -98,6 +98,7 @@ typedef struct {
   Int scans, strips, signatures;
   const double *x; /* centre lines (strips,), ascending */
   const double *k; /* readings (scans, signatures, strips), NaN where there is none */
+  const double *gap; /* from each strip to the next one that is read, left and right (2, strips); infinite: there is none */
   double sigma;    /* of a reading */
   double pitch, length;
   double share[2], narrow, lam; /* as in Problem */

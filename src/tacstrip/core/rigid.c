@@ -23,16 +23,16 @@ static void add_gradient(const Normal *n, double weight, const Crossing *c, cons
   for (int i = 0; i < 2; i++) n->shape_slope[2 * c->to + i] += weight * by_corner[2 + i];
 }
 
-/* An end corner lies between a strip that is touched and the next one, which is not: nothing more is known of it. */
+/* An end corner lies between a strip that is touched and the next one that is read, which is not: nothing more is known of it. */
 static void gap(const Scans *s, const Loss *loss, const Posed *p, const double *pose, int right, Int touched,
                 const Normal *n, Int size, Cost *cost) {
   Int i = p->end[right];
-  double inner = s->x[touched], outer = right ? inner + s->pitch : inner - s->pitch, x = p->x[i], weight;
-  int border = right ? touched == s->strips - 1 : touched == 0;
+  double inner = s->x[touched], outer = right ? inner + s->gap[s->strips + touched] : inner - s->gap[touched];
+  double x = p->x[i], weight;
   double least = right ? inner : outer, most = right ? outer : inner;
   if (x >= least && x <= most) return;
   if (right ? x > most : x < least) {
-    if (border || p->y[i] < 0.0 || p->y[i] > s->length) return; /* what lies over the border is not read */
+    if (p->y[i] < 0.0 || p->y[i] > s->length) return; /* what lies over the border is not read */
   }
   double residual = (x < least ? least : most) - x;
   weight = 1.0 / (loss->end * loss->end);

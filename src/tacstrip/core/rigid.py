@@ -18,6 +18,7 @@ from tacstrip.core.binding import RIGID_CORNERS, CornerPrior, Loss, Scans, Senda
 from tacstrip.core.problem import LEAST_D
 from tacstrip.sensor.closed_form import sensing_share
 from tacstrip.sensor.constructions import SIGNATURES
+from tacstrip.sensor.left_out import left_out_wholly
 from tacstrip.sensor.spec import Sensor
 
 MOST_CORNERS = 19  # of an outline whose corners are fitted
@@ -54,6 +55,18 @@ class RigidScans(Sendable):
     def x_mm(self) -> FloatArray:
         """Centre lines (n,) [mm]."""
         return np.ascontiguousarray(self.sensor.x_mm)
+
+    @cached_property
+    def gaps_mm(self) -> FloatArray:
+        """From each strip to the next one that is read, to the left and to the right (2, n); infinite: there is none.
+
+        Of a strip that is left out wholly nobody knows whether it is touched.
+        """
+        strips = np.arange(len(self.x_mm))
+        read = np.flatnonzero(~left_out_wholly(self.sensor))
+        left = np.concatenate([[-np.inf], read])[np.searchsorted(read, strips, side="left")]
+        right = np.concatenate([read, [np.inf]])[np.searchsorted(read, strips, side="right")]
+        return np.ascontiguousarray(self.sensor.pitch_mm * np.stack([strips - left, right - strips]))
 
     @cached_property
     def readings(self) -> IntArray:
@@ -103,13 +116,13 @@ class RigidScans(Sendable):
     @cached_property
     def compiled(self) -> Scans:
         """What the compiled core takes; the arrays are these scans' own."""
-        k, sensor = np.ascontiguousarray(self.k), self.sensor
+        k, gaps_mm, sensor = np.ascontiguousarray(self.k), self.gaps_mm, self.sensor
         shares = (float(self.shares[0]), float(self.shares[-1]))
         made = Scans(
-            len(k), k.shape[2], k.shape[1], at(self.x_mm), at(k), self.sigma, sensor.pitch_mm, sensor.length_mm,
-            shares, self.narrow, sensor.contact_lambda_mm / sensor.length_mm,
+            len(k), k.shape[2], k.shape[1], at(self.x_mm), at(k), at(gaps_mm), self.sigma, sensor.pitch_mm,
+            sensor.length_mm, shares, self.narrow, sensor.contact_lambda_mm / sensor.length_mm,
         )  # fmt: skip
-        made.arrays = (self.x_mm, k)
+        made.arrays = (self.x_mm, k, gaps_mm)
         return made
 
 
@@ -466,11 +479,11 @@ def _gap(
     corner = x.argmax(axis=1) if right else x.argmin(axis=1)
     strip = n - 1 - touched[:, ::-1].argmax(axis=1) if right else touched.argmax(axis=1)
     inner = scans.x_mm[strip]
-    least, most = (inner, inner + scans.sensor.pitch_mm) if right else (inner - scans.sensor.pitch_mm, inner)
+    outer = inner + scans.gaps_mm[1, strip] if right else inner - scans.gaps_mm[0, strip]
+    least, most = (inner, outer) if right else (outer, inner)
     own, height = x[rows, corner], y[rows, corner]
     beyond = own > most if right else own < least
-    border = strip == (n - 1 if right else 0)
-    unread = beyond & (border | (height < 0.0) | (height > scans.sensor.length_mm))
+    unread = beyond & ((height < 0.0) | (height > scans.sensor.length_mm))
     used = touched.any(axis=1) & ((own < least) | (own > most)) & ~unread
     residual = np.where(own < least, least, most) - own
     slope = np.zeros((len(x), 1, 3 + 2 * x.shape[1]))

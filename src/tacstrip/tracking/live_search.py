@@ -12,6 +12,7 @@ from tacstrip.core.rigid import fit_poses, loss
 from tacstrip.geometry.pose import placed
 from tacstrip.reconstruction.result import Alternative, Status
 from tacstrip.scan import Scan
+from tacstrip.sensor.left_out import left_out_wholly
 from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.episodes import Episode
 from tacstrip.tracking.objects import Readings, Skin
@@ -104,7 +105,7 @@ def find_shape(contact: Contact) -> KnownShape | None:
             return found
     total = len(contact.k)
     whole = Episode(list(range(total)), [slice(0, contact.sensor.strips)] * total)
-    skin = Skin(contact.sensor, slice(0, contact.sensor.strips))
+    skin = Skin(contact.sensor, slice(0, contact.sensor.strips), left_out_wholly(contact.sensor))
     # The scans to come have what channels are off, too: the shape must explain them as they are.
     read = Readings(contact.k, skin, contact.names, contact.sigma, contact.distribution)
     one = searched(whole, read, offsets=False)

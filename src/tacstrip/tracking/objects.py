@@ -31,17 +31,23 @@ _UNEXPLAINED = (
 
 @dataclass(frozen=True)
 class Skin:
-    """The strips that contacts lie on: a closed tube's are laid out for as many turns as contacts go on."""
+    """The strips that contacts lie on: a closed tube's are laid out for as many turns as contacts go on.
+
+    `silent`: strips of the sensor of which nothing is known (n,).
+    """
 
     sensor: Sensor
     span: slice
+    silent: BoolArray
 
-    @property
+    @cached_property
     def laid_out(self) -> Sensor:
-        """A sensor of these strips."""
-        if not self.sensor.closed:
-            return self.sensor
-        return opened(self.sensor, self.span.stop - self.span.start)
+        """A sensor of these strips, without those of which nothing is known."""
+        sensor, strips = self.sensor, np.arange(self.span.start, self.span.stop)
+        if sensor.closed:
+            sensor = opened(sensor, len(strips))
+        silent = np.flatnonzero(self.silent[strips % self.sensor.strips]) + sensor.strip_base
+        return replace(sensor, without=tuple(map(str, silent)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -61,7 +61,8 @@ _LEFT_OVER = (
 )
 _NOT_RIGID = (
     "no rigid outline explains all scans: {times} times the noise is left over; {unit}the object deforms or rolls, two "
-    "are taken for one, or the noise is larger than given: read the scans one by one (`single`)"
+    "are taken for one, a channel is faulty (`tacstrip doctor`), or the noise is larger than given: read the scans one "
+    "by one (`single`)"
 )
 _BENT = (
     "no rigid outline explains all scans: {times} times the noise is left over, and one that strains more and more "
@@ -107,8 +108,8 @@ _SMALL = (
     "finer strips would tell it"
 )
 _LOOSE = (
-    "the scans leave a corner uncertain by {far} mm (two standard deviations): read both signatures, turn the "
-    "object further, or slide it across the strips"
+    "the scans leave a corner uncertain by {far} mm (two standard deviations): {both}turn the object "
+    "further, or slide it across the strips"
 )
 _CONCAVE = "the outline is concave: one object, or several that keep together"
 _SMOOTH = (
@@ -304,7 +305,7 @@ def _left_open(one: Object, estimate: _Estimate, loosest: float, unsure: float) 
     pitch_mm, few = one.scans.sensor.pitch_mm, one.scans.strips_touched < FEW_STRIPS
     some, own = one.scans.of(one.found.chosen), estimate.fit.of(one.found.chosen)
     if DEVIATIONS * loosest > unsure:
-        return _LOOSE.format(far=figures(DEVIATIONS * loosest)), one
+        return _loose(loosest, one), one
     if other := one.found.of_other_count(_COUNTED * pitch_mm):
         return _COUNT.format(n=other), one
     if estimate.concave and notch_gain(some, own, unsure) < _OPEN:
@@ -314,6 +315,12 @@ def _left_open(one: Object, estimate: _Estimate, loosest: float, unsure: float) 
     if cut := _with_a_corner_cut(one):
         return _COUNT.format(n=len(estimate.corners) + 1), cut
     return "", one
+
+
+def _loose(loosest: float, one: Object) -> str:
+    """Return advice on a corner of some standard deviation [mm]: a second signature helps where there is one only."""
+    both = "read both signatures, " * (len(one.scans.read) < 2)
+    return _LOOSE.format(far=figures(DEVIATIONS * loosest), both=both)
 
 
 def _notes(one: Object, estimate: _Estimate, rivals: list[str]) -> list[str]:
@@ -352,11 +359,13 @@ def _curve_over_time(one: Object, curve: RigidCurve, total: int, read: Readings)
     loosest = math.sqrt(float(shape.diagonal().reshape(-1, 2).sum(axis=1).max()))
     unsure = tolerated_mm(skin.sensor, outline)
     advice = ""
-    if not curve.explains(one.scans, read.distribution):
+    if one.scans.strips_touched < LEAST_STRIPS:
+        advice = _SMALL
+    elif not curve.explains(one.scans, read.distribution):
         times = math.sqrt(float(curve.costs.sum()) / curve.freedom(one.scans))
         advice = _LEFT_OVER.format(kind=curve.kind, times=figures(times, 3))
     elif DEVIATIONS * loosest > unsure:
-        advice = _LOOSE.format(far=figures(DEVIATIONS * loosest))
+        advice = _loose(loosest, one)
     elif _hardly_moved(one, outline, poses[np.isfinite(poses[:, 0])]):
         advice = _HARDLY_MOVED.format(n=len(one.shown))
     status, said = _judged(advice, [_WANDERS.format(times=figures(wider))] * (wider > 1.0), one, read)

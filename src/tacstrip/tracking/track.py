@@ -20,7 +20,7 @@ from tacstrip.reconstruction.polygon.estimate import fit_polygon
 from tacstrip.reconstruction.seam import BRIDGED
 from tacstrip.scan import Scan, time_goes_back
 from tacstrip.sensor.constructions import check_closed_form
-from tacstrip.sensor.left_out import left_out_wholly
+from tacstrip.sensor.left_out import left_out
 from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.episodes import Episode, episodes, spanned
 from tacstrip.tracking.objects import Object, Readings, Skin
@@ -127,8 +127,11 @@ def _tracked(
     """Return the tracks of scans of strips that are lines, in any order."""
     k = np.stack([np.stack([scan.reading(name) for name in names]) for scan in read])
     distribution = "normal" if noise is None or not noise.independent else noise.distribution
-    stretches = episodes(k, sensor.closed, _silent(read, sensor, noise))
-    readings = Readings(k, Skin(sensor, spanned(stretches, sensor.strips)), names, sigma, distribution)
+    silent = _silent(read, sensor, noise)
+    stretches = episodes(k, sensor.closed, silent)
+    readings = Readings(
+        k, Skin(sensor, spanned(stretches, sensor.strips), silent), names, sigma, distribution
+    )
     left, unlike, objects = sorted(stretches, key=lambda e: -len(e.scans)), list[Episode](), list[Object]()
     tried: dict[int, Object | None] = {}
     while left:
@@ -173,7 +176,9 @@ def _silent(scans: list[Scan], sensor: Sensor, noise: Noise | None) -> BoolArray
 
     A few neighbours that no scan touches may be dead, or lie between two objects: single scans tell which.
     """
-    silent, n = left_out_wholly(sensor).copy(), sensor.strips
+    n = sensor.strips
+    out = left_out(sensor)
+    silent: BoolArray = np.all([out.get(s, np.zeros(n, dtype=bool)) for s in scans[0].signatures], axis=0)
     touched = np.stack([scan.touched for scan in scans])
     ever = touched.any(axis=0)
     at = np.flatnonzero(ever)

@@ -57,12 +57,10 @@ def unseen_corner_mm(scans: RigidScans, fit: Fit, deviation: float = 0.0, wider:
 def _short_of_untouched(scans: RigidScans, fit: Fit, shares: FloatArray) -> FloatArray:
     """Return how far out of places of edges the first strip is that some scan does not touch (N, P) [mm]."""
     after = np.roll(fit.corners, -1, axis=0) - fit.corners
-    touched, x_mm = np.isfinite(scans.k).any(axis=1), scans.x_mm
-    count = touched.shape[1]
-    last = np.where(touched, np.arange(count), -1).max(axis=1) + 1
-    first = np.where(touched, np.arange(count), count).min(axis=1) - 1
-    right = np.where(last < count, x_mm[np.minimum(last, count - 1)], np.inf)[:, None, None]
-    left = np.where(first >= 0, x_mm[np.maximum(first, 0)], -np.inf)[:, None, None]
+    touched, x_mm = np.asarray(np.isfinite(scans.k).any(axis=1)), scans.x_mm
+    first, last = touched.argmax(axis=1), touched.shape[1] - 1 - touched[:, ::-1].argmax(axis=1)
+    right = (x_mm[last] + scans.gaps_mm[1, last])[:, None, None]
+    left = (x_mm[first] - scans.gaps_mm[0, first])[:, None, None]
     cos, sin = np.cos(fit.poses[:, 2]), np.sin(fit.poses[:, 2])
     point = fit.corners[:, None] + shares[:, None] * after[:, None]  # (N, P, 2)
     x = fit.poses[:, 0, None, None] + cos[:, None, None] * point[..., 0] - sin[:, None, None] * point[..., 1]

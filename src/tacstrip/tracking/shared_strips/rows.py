@@ -10,6 +10,7 @@ import numpy as np
 from tacstrip.arrays import BoolArray, FloatArray, IntArray
 from tacstrip.core.hull import HullScans
 from tacstrip.core.rigid import RigidScans
+from tacstrip.sensor.left_out import left_out_wholly
 from tacstrip.sensor.spec import Sensor
 from tacstrip.tracking.shared_strips.known import Alone
 
@@ -79,6 +80,7 @@ def rows_of(
     ever = np.flatnonzero(touched.any(axis=0))
     dead = np.zeros(sensor.strips, dtype=bool)
     dead[ever[0] : ever[-1] + 1] = ~touched[:, ever[0] : ever[-1] + 1].any(axis=0)
+    dead |= left_out_wholly(sensor)
     quiet = np.where(~mine & (touched[numbers] | dead), 0.0, 1.0)
     motion = np.stack([_jerk(one) for one in known])
     return Rows(
