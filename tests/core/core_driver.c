@@ -29,7 +29,7 @@ static void chaos(void) {
 
 enum { STRIPS = 90, EDGES = 4, HEIGHTS = 2 * EDGES, SWEEPS = 600, ROWS = 3000 };
 #define LENGTH 60.0
-static double x_mm[STRIPS], readings[2 * STRIPS], workspace[200000];
+static double x_mm[STRIPS], gap_mm[2 * STRIPS], readings[2 * STRIPS], workspace[200000];
 static const double LOWER[3][2] = {{0.0, 30.0}, {35.2, 12.0}, {90.0, 33.0}};
 static const double UPPER[3][2] = {{0.0, 30.0}, {58.7, 47.0}, {90.0, 33.0}};
 
@@ -42,6 +42,8 @@ static double height(const double chain[3][2], double x) {
 static void measure(double noise) {
   for (int i = 0; i < STRIPS; i++) {
     x_mm[i] = (double)i + 0.5;
+    gap_mm[i] = i ? 1.0 : 1.0 / 0.0;
+    gap_mm[STRIPS + i] = i < STRIPS - 1 ? 1.0 : 1.0 / 0.0;
     double l = height(LOWER, x_mm[i]) / LENGTH, w = height(UPPER, x_mm[i]) / LENGTH - l;
     readings[i] = (l + 0.5 * w) / (1.0 - 0.5 * w) + noise * (2.0 * number() - 1.0);
     readings[STRIPS + i] = l / (1.0 - 0.5 * w) + noise * (2.0 * number() - 1.0);
@@ -167,7 +169,7 @@ static void rigid(void) {
     for (int i = 0; i < 6; i++) starts[6 * s + i] = poses[3 * s + i % 3] + 0.3 * (i > 2);
   }
   for (int which = 0; which < 2; which++) {
-    Scans scans = {SCANS, STRIPS, 2, x_mm, k, 0.004, 1.0, LENGTH, {0.5, 0.0}, 0.5, which ? 0.02 : 0.0};
+    Scans scans = {SCANS, STRIPS, 2, x_mm, k, gap_mm, 0.004, 1.0, LENGTH, {0.5, 0.0}, 0.5, which ? 0.02 : 0.0};
     Loss loss = {which ? 0.5 : 0.0, which ? 3.0 : 0.0, 0.05};
     for (int i = 0; i < 4 * CORNERS * CORNERS; i++) known[i] = i % (2 * CORNERS + 1) ? 0.01 : 2.0;
     CornerPrior prior = {known, pull, corners};
@@ -199,7 +201,7 @@ static void paths_and_chains(void) {
   for (int i = 0; i < 2 * RADII; i++) which[i] = i / 2;
   for (int i = 0; i < RADII; i++) prior[(RADII + 1) * i] = 0.01;
   OutlineBy by = {RADII, RADII, which, weight, prior};
-  Scans scans = {SCANS, STRIPS, 2, x_mm, k, 0.004, 1.0, LENGTH, {0.5, 0.0}, 0.5, 0.0};
+  Scans scans = {SCANS, STRIPS, 2, x_mm, k, gap_mm, 0.004, 1.0, LENGTH, {0.5, 0.0}, 0.5, 0.0};
   Loss loss = {0.5, 3.0, 0.25};
   tacstrip_rigid_path(&scans, &loss, &by, radii, basis, KNOTTED, knots, 6, 1e-3, 0.02, costs, room);
   show("radii", radii, sizeof radii);
@@ -263,7 +265,7 @@ static void hulls(void) {
     weight[i] = 0.1;
   }
   for (int which = 0; which < 2; which++) {
-    Scans scans = {SCANS, STRIPS, 2, x_mm, k, 0.004, 1.0, LENGTH, {0.5, 0.0}, 0.5, which ? 0.02 : 0.0};
+    Scans scans = {SCANS, STRIPS, 2, x_mm, k, gap_mm, 0.004, 1.0, LENGTH, {0.5, 0.0}, 0.5, which ? 0.02 : 0.0};
     Loss loss = {which ? 0.5 : 0.0, which ? 3.0 : 0.0, 0.05};
     tacstrip_hull_equations(&scans, &loss, known, OBJECTS, counts, corners, present, poses, pose, mixed, shape, pose_slope,
                             shape_slope, costs);
