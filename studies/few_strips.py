@@ -8,7 +8,6 @@ Draws as many convex objects, concave ones and pairs on 3 to 11 strips, which co
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -21,6 +20,7 @@ from scipy.optimize import minimize
 from shapely import affinity
 
 import tacstrip as ts
+from studies.options import of_cases
 from tacstrip.arrays import FloatArray
 from tacstrip.reconstruction.polygon import few_strips, objects
 
@@ -175,10 +175,9 @@ def judged(group: str, seed: int, number: int) -> dict[str, Any]:
     noise = ts.Noise(positional=case.half_width) if case.told else None
     told: list[tuple[FloatArray, float]] = []
 
-    def captured(*arguments: Any) -> float:
-        found = few_strips.unlike_probability(*arguments)
-        told.append((few_strips.unlike_terms(*arguments), found))
-        return found
+    def captured(terms: FloatArray) -> float:
+        told.append((terms, few_strips.unlike_probability(terms)))
+        return told[-1][1]
 
     with mock.patch.object(objects, "unlike_probability", captured):
         found = ts.fit_polygon(case.scan(random), case.sensor, noise, assessment="fast").objects
@@ -239,10 +238,7 @@ def report(rows: Sequence[dict[str, Any]]) -> list[str]:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print what the command line asks for."""
-    parser = argparse.ArgumentParser(prog="python -m studies.few_strips", description=__doc__)
-    parser.add_argument("--cases", type=int, default=1000, help="of each group")
-    parser.add_argument("--seed", type=int, default=1)
-    asked = parser.parse_args(arguments)
+    asked = of_cases("studies.few_strips", __doc__, 1000).parse_args(arguments)
     rows = [judged(group, asked.seed, number) for number in range(asked.cases) for group in GROUPS]
     print("\n".join(report(rows)))  # noqa: T201
 

@@ -33,16 +33,8 @@ _HIGHEST = 2.0  # height over breadth, beyond which it tells no more: bars lie a
 _NO_FAULT, _NO_FAULT_BY_STRIPS, _NOT_NAMED = 3.2, -4.0, 2.2
 
 
-def unlike_probability(
-    run: RunFit,
-    model: OutlineModel,
-    outline: Outline,
-    distribution: str | None,
-    convex: OneConvex | None,
-    one_object: bool,
-) -> float:
-    """Return the probability that few strips read what their outline is unlike; arguments as of `unlike_terms`."""
-    terms = unlike_terms(run, model, outline, distribution, convex, one_object)
+def unlike_probability(terms: FloatArray) -> float:
+    """Return the probability that few strips read what their outline is unlike, by its `unlike_terms`."""
     return float(1.0 / (1.0 + np.exp(-(terms @ _ODDS))))
 
 

@@ -24,7 +24,7 @@ from tacstrip.reconstruction.pieces.overhang import Overhang
 from tacstrip.reconstruction.pieces.pair import Pair
 from tacstrip.reconstruction.polygon.convexity import OneConvex, explained_by_convex
 from tacstrip.reconstruction.polygon.faulty_channel import contradictory
-from tacstrip.reconstruction.polygon.few_strips import no_fault_probability, unlike_probability
+from tacstrip.reconstruction.polygon.few_strips import no_fault_probability, unlike_probability, unlike_terms
 from tacstrip.reconstruction.polygon.goodness_of_fit import (
     misfit,
     one_convex,
@@ -338,7 +338,8 @@ def _of_few(
         convex = explained_by_convex(
             run, distribution, estimate.outline, asked.sensor, contact.readings, none
         )
-    unlike = unlike_probability(run, estimate.model, estimate.outline, distribution, convex, one_object)
+    terms = unlike_terms(run, estimate.model, estimate.outline, distribution, convex, one_object)
+    unlike = unlike_probability(terms)
     told = unlike_few(unlike, sound, run.problem.x.size, one_object)
     enough, _ = enough_of(run, asked.effort, "")
     return lowered(told, either(unlike, sound), confidence, enough)
