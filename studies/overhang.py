@@ -10,7 +10,6 @@ than .2. The table's are fitted to the other families each, and what they say is
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
@@ -23,6 +22,7 @@ from scipy.optimize import minimize
 from studies.holdout import cases, concave
 from studies.holdout.score import RIGHT
 from studies.holdout.shapes import CONCAVE, Array
+from studies.options import of_cases
 from tacstrip.arrays import BoolArray
 from tacstrip.reconstruction.contact_ends import closed_ends
 from tacstrip.reconstruction.pieces.overhang import widest_overhang
@@ -102,14 +102,7 @@ def table(count: int, seed: int) -> list[str]:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the table that the command line asks for."""
-    parser = argparse.ArgumentParser(
-        prog="python -m studies.overhang",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("--cases", type=int, default=4000)
-    parser.add_argument("--seed", type=int, default=1)
-    asked = parser.parse_args(arguments)
+    asked = of_cases("studies.overhang", __doc__, 4000).parse_args(arguments)
     print("\n".join(table(asked.cases, asked.seed)))  # noqa: T201
 
 

@@ -536,13 +536,13 @@ def _not_checked(log: Log, seen: _Examined, ill: set[int], asked: set[int]) -> I
     if len(work.there) < 6:
         what = "shorts, strips exchanged, stuck channels, saturation"
         yield f"{what}: the contact stood at {len(work.there)} place(s); move and turn it"
-    elif (
-        wide >= 4
-        and seen.orders is not None
-        and (open_ := order_unknown(work, seen.orders) - ill - asked - set(np.flatnonzero(silent).tolist()))
-    ):
-        names = _names([i + base for i in sorted(open_)])
-        yield f"strips exchanged, of {names}: an exchange would go unnoticed; move the contact across them, and turn it"
+    elif wide >= 4 and seen.orders is not None:
+        told = ill | asked | set(np.flatnonzero(silent).tolist())
+        unknown = sorted(order_unknown(work, seen.orders) - told)
+        names = _names([i + base for i in unknown])
+        if unknown:
+            why = "an exchange would go unnoticed; move the contact across them, and turn it"
+            yield f"strips exchanged, of {names}: {why}"
     known = np.any([np.isfinite(neighbour_residuals(work, n)[0]).any(axis=0) for n in work.k], axis=0)
     alone = [
         int(number) + base

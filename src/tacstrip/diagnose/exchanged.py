@@ -303,13 +303,13 @@ def told_by_slope(work: WorkingCopy) -> set[int]:
         for i in range(work.strips - 1)
     ]
     usual = float(np.median([t.misfit for t in slopes if t.places] or [0.0]))
-    edges, n = {0, work.strips - 2}, _UNUSUAL * usual
+    edges = {0, work.strips - 2}
     return {
         i
         for i, t in enumerate(slopes)
         if t.clear
         and t.misfit < (_TOLD_AT_EDGE if i in edges else _TOLD) * t.misfit_exchanged
-        and t.misfit_exchanged > n
+        and t.misfit_exchanged > _UNUSUAL * usual
         and t.to_and_fro
     }
 

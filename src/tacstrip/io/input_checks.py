@@ -40,15 +40,8 @@ _SOME = 20  # scans of a file of which outlines are looked at
 _NAMED = 5  # channels that a warning names
 _SLOW_S, _FEW_TIMES = 5.0, 4  # from scan to scan, and times: whole ones that rise so fast may be milliseconds
 _MS_S = 2000.0  # a step above it would be microseconds
-_OF_MINUTES = (
-    60.0,
-    120.0,
-    300.0,
-    600.0,
-    900.0,
-    1800.0,
-    3600.0,
-)  # steps [s] that somebody sets; of ms nobody does
+# Steps [s] that somebody sets; of ms nobody does.
+_OF_MINUTES = (60.0, 120.0, 300.0, 600.0, 900.0, 1800.0, 3600.0)
 
 
 def unlikely_lengths(sensor: AnySensor) -> str:
